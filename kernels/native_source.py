@@ -1,12 +1,48 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The C++ source of ``kernels/native``, which Warp pastes into native functions."""
+"""The C++ headers of ``kernels/native``, which Warp compiles in front of a module's kernels."""
 
+import re
 from pathlib import Path
 
+import warp as wp
+
 _FOLDER = Path(__file__).parent / "native"
+_INCLUDE = re.compile(r'#include "(.+)"')
+
+
+def include_native(*names: str) -> wp.ModuleBuildOptions:
+    """Return build options of a module (experimental in Warp 1.17) whose native functions call C++ of headers.
+
+    The headers are in namespace ``warpvis`` of the module's source, which contains their text: what Warp compiles and
+    hashes does not depend on where the package is installed, so that environments share a kernel cache, and cannot
+    change between both. An unnamed namespace prevents the linker from merging functions of several modules.
+
+    Args:
+        names: Headers, relative to ``kernels/native``; the headers that they include follow.
+    """
+    return wp.ModuleBuildOptions(
+        extra_cpu_preamble=f"namespace warpvis {{ namespace {{\n{_expand(names, set())}}} }}\n"
+    )
+
+
+def _expand(names: tuple[str, ...], seen: set[str]) -> str:
+    """Return the text of headers and, once each, of those that they include; `#line` directives name the files."""
+    text = ""
+    for name in names:
+        if name in seen:
+            continue
+        seen.add(name)
+        text += f'#line 1 "{name}"\n'
+        for number, line in enumerate((_FOLDER / name).read_text(encoding="utf-8").splitlines(), 2):
+            if match := _INCLUDE.fullmatch(line):
+                text += f'{_expand((match[1],), seen)}#line {number} "{name}"\n'
+            else:
+                text += "\n" if line == "#pragma once" else f"{line}\n"
+    return text
 
 
 def read_native(*names: str) -> str:
-    """Return the concatenated text of files. Warp recompiles kernels when it changes."""
-    return "\n".join((_FOLDER / name).read_text(encoding="utf-8") for name in names) + "\n"
+    """Return the concatenated text of headers, without preprocessor lines of the others, for a function's body."""
+    text = "\n".join((_FOLDER / name).read_text(encoding="utf-8") for name in names) + "\n"
+    return re.sub(r'^#(pragma once|include ".+")$', "", text, flags=re.MULTILINE)

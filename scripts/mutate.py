@@ -57,7 +57,6 @@ TESTS: tuple[tuple[str, str], ...] = (
     # Headers of the BVH builder.
     ("cpu/bvh_*.h", "bvh packets refit"),
     # Headers of packets of rays and of image positions.
-    ("cpu/origin_rays.h", "apart_packets"),
     ("cpu/ray_raster_origins.h", "apart_packets"),
     ("cpu/table*.h", "table_packets panorama remap apart_packets"),
     ("cpu/ray_*.h", "table_packets panorama remap apart_packets"),
@@ -66,7 +65,6 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("cpu/point*.h", "point_packets points"),
     ("cpu/silhouettes.h", "object_visibility"),
     # Headers that every packet caster includes.
-    ("cpu/plain_rays.h", "exact_pixels casters"),
     ("cpu/sparse.h", "packets points point_packets solids exact_pixels"),
     ("cpu/solids.h", "solids sizes"),
     ("cpu/movables.h", "worlds sizes instances solids object_visibility"),

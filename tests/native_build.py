@@ -24,7 +24,16 @@ MIN_CLANG = 17
 """First version of Clang with the vector builtins of the headers."""
 
 # Without AVX-512, the ABI of 16-lane vectors differs; each program is compiled as a whole, so it is consistent.
-_FLAGS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-Wno-psabi", "-Ikernels/native")
+_FLAGS = (
+    "-std=c++17",
+    "-Wall",
+    "-Wextra",
+    "-Werror",
+    "-Wno-psabi",
+    "-Wno-c++20-designator",
+    "-Itests/native",
+    "-Ikernels/native",
+)
 # Faults end the program at once; frame pointers make reports readable. Uninitialized variables get a pattern. Trailing
 # arrays of structs have exactly their declared length.
 _SANITIZERS = (
@@ -80,7 +89,7 @@ def cache_folder() -> Path:
 
 def sources(name: str) -> list[Path]:
     """Return the source files of an object: only `cast` contains the native code."""
-    own = [path for path in (ROOT / "tests" / "native").iterdir() if path.suffix == ".h" or path.stem == name]
+    own = [path for path in (ROOT / "tests" / "native").rglob("*") if path.suffix == ".h" or path.stem == name]
     native = [*ROOT.glob("kernels/native/cpu/*.h"), *ROOT.glob("kernels/native/shared/*.h")]
     return sorted([*own, *native] if name == "cast" else own)
 

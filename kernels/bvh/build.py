@@ -8,42 +8,43 @@ Each triangle is an item of `ITEM_WORDS` 32-bit numbers; each possible split has
 import warp as wp
 
 from warpvis.kernels.constants import CPU_LANES, CUDA_LANES
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "extra_build_options": include_native("cpu/bvh_collapse.h", "cpu/bvh_bounds.h"),
+    }
+)
 
 LANE_COUNTS = (CPU_LANES, CUDA_LANES)
 """Supported numbers of lanes: triangles per leaf and children per node. Kernels take it as `lanes`."""
 
-_SPLIT = read_native("shared/constants.h", "cpu/bvh_split.h")
-_COLLAPSE = _SPLIT + read_native("cpu/bvh_collapse.h")
-_BOUNDS = _SPLIT + read_native("cpu/bvh_bounds.h")
-
-
-def _with_lanes(lanes: int, text: str) -> str:
-    return f"enum {{ LANES = {lanes} }};\n{text}"
-
 
 def _with_any_lanes(text: str) -> str:
     """Return C++ with one block per number of lanes, of which the parameter `lanes` selects one."""
-    return "".join(f"if (lanes == {lanes}) {{\n{_with_lanes(lanes, text)}\n}}\n" for lanes in LANE_COUNTS)
+    return "".join(f"if (lanes == {lanes}) {{\nconstexpr int LANES = {lanes};\n{text}\n}}\n" for lanes in LANE_COUNTS)
 
 
-# Items do not depend on the number of lanes.
-@wp.func_native(
-    _with_lanes(CPU_LANES, _SPLIT + "Items::load((const float*)vertices, (const int*)faces, triangle, (v8*)items);")
-)
+@wp.func_native("warpvis::Items::load((const float*)vertices, (const int*)faces, triangle, (warpvis::v8*)items);")
 def load_item_native(vertices: wp.uint64, faces: wp.uint64, triangle: int, items: wp.uint64): ...
 
 
 @wp.func_native(
     _with_any_lanes(
-        _SPLIT
-        + """
-        const Splitter::Range whole = {begin, end, link, depth,
-                                       slot < 0 ? Aabb::of_centers((const v8*)items, begin, end) : ((v8*)boxes)[slot]};
+        """
+        typedef warpvis::Splitter<LANES> Splitter;
+        typedef warpvis::Aabb Aabb;
+        typedef warpvis::v8 v8;
+        const Splitter::Range whole = {.begin = begin,
+                                        .end = end,
+                                        .link = link,
+                                        .depth = depth,
+                                        .centers = slot < 0 ? Aabb::of_centers((const v8*)items, begin, end)
+                                                            : ((v8*)boxes)[slot]};
         v8 centers[2];
-        Splitter::split_all((v8*)items, (Split*)splits, whole, max_splits, centers);
+        Splitter::split_all((v8*)items, (warpvis::Split*)splits, whole, max_splits, centers);
         for (int side = 0; max_splits == 1 && side < 2; ++side) ((v8*)part_boxes)[first_part + side] = centers[side];
         """
     )
@@ -66,10 +67,10 @@ def split_range_native(
 
 @wp.func_native(
     _with_any_lanes(
-        _COLLAPSE
-        + """
-        Collapser::collapse((const Split*)splits, item_count, evenly != 0, (Collapser::Binary*)binaries, (int*)children,
-                            (int*)leaf_ranges, (int*)counts);
+        """
+        typedef warpvis::Collapser<LANES> Collapser;
+        Collapser::collapse((const warpvis::Split*)splits, item_count, evenly != 0, (Collapser::Binary*)binaries,
+                            (int*)children, (int*)leaf_ranges, (int*)counts);
         """
     )
 )
@@ -87,11 +88,16 @@ def collapse_native(
 
 @wp.func_native(
     _with_any_lanes(
-        _BOUNDS
-        + """
-        const Mesh mesh = {(const float*)vertices, (const int*)faces, (const int*)owner, (const unsigned char*)closed};
-        const Leaves filled = {(float*)leaves, (int*)triangles, (int*)owners, (float*)leaf_bounds};
-        filled.fill(mesh, (const v8*)items, (const int*)leaf_ranges, leaf);
+        """
+        const warpvis::Mesh mesh = {.vertices = (const float*)vertices,
+                                    .faces = (const int*)faces,
+                                    .owner = (const int*)owner,
+                                    .closed = (const unsigned char*)closed};
+        const warpvis::Leaves<LANES> filled = {.rows = (float*)leaves,
+                                               .triangles = (int*)triangles,
+                                               .owners = (int*)owners,
+                                               .bounds = (float*)leaf_bounds};
+        filled.fill(mesh, (const warpvis::v8*)items, (const int*)leaf_ranges, leaf);
         """
     )
 )
@@ -112,7 +118,9 @@ def fill_leaf_native(
 
 
 @wp.func_native(
-    _with_any_lanes(_BOUNDS + "Nodes::fit((const int*)children, (const float*)leaf_bounds, node_count, (float*)nodes);")
+    _with_any_lanes(
+        "warpvis::Nodes<LANES>::fit((const int*)children, (const float*)leaf_bounds, node_count, (float*)nodes);"
+    )
 )
 def fit_nodes_native(lanes: int, children: wp.uint64, leaf_bounds: wp.uint64, node_count: int, nodes: wp.uint64): ...
 

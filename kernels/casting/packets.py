@@ -2,17 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ``packets`` caster on CPU cores: views, or strips of them, traverse a BVH with one child per SIMD lane.
 
-The C++ is in ``kernels/native/`` and is compiled by Warp's Clang. It consists of structs of static functions, because
-the text of a native function is pasted into a function body.
+The C++ is in ``kernels/native/`` and is compiled by Warp's Clang.
 """
 
 import warp as wp
 
-from warpvis.kernels.casting.images import NATIVE_IMAGES, Images
+from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/packets.h")}
+)
 
 
 @wp.struct
@@ -94,77 +95,7 @@ class PacketCall:
     worlds: Worlds
 
 
-HEADERS = (
-    "shared/constants.h",
-    "shared/images.h",
-    "shared/stretch.h",
-    "shared/pose.h",
-    "shared/edges.h",
-    "cpu/plain_rays.h",
-    "cpu/lanes.h",
-    "cpu/arena.h",
-    "cpu/workers.h",
-    "cpu/image.h",
-    "cpu/ray_tree.h",
-    "cpu/bvh.h",
-    "cpu/camera.h",
-    "cpu/setup.h",
-    "cpu/pixels.h",
-    "cpu/raster.h",
-    "cpu/solids.h",
-    "cpu/worlds.h",
-    "cpu/output.h",
-    "cpu/sparse.h",
-    "cpu/ray_leaf.h",
-    "cpu/ray_raster.h",
-    "cpu/walk.h",
-    "cpu/movables.h",
-    "cpu/packets.h",
-)
-
-SCENE = """
-static_assert(sizeof(wp::transform) == POSE_WORDS * sizeof(float) && sizeof(wp::vec4) == SOLID_WORDS * sizeof(float),
-              "poses and solids are read as rows of numbers");
-const Scene drawn = {
-    {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root,
-     scene.all_closed != 0, scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
-    {scene.drawn_count, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
-     scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
-     scene.movable_solid.data, (const float*)scene.movable_size.data, (const float*)scene.instance_pose.data,
-     (const float*)worlds.object_poses.data, (const float*)worlds.object_sizes.data, worlds.object_poses.shape[0],
-     worlds.world.data, worlds.excluded.data, worlds.excluded.shape[0], scene.object_count, scene.static_object.data,
-     scene.static_object.shape[0]}};
-"""
-"""C++ that defines the `Scene` of ``kernels/native/cpu`` from a `BvhScene` ``scene`` and `Worlds` ``worlds``."""
-
-CALL = """
-const auto& scene = calls.data->scene;
-const auto& job = calls.data->job;
-const auto& poses = calls.data->poses;
-const auto& worlds = calls.data->worlds;
-const auto& images = images_out.data[0];
-"""
-"""C++ that names the members of a call's struct, the first of ``calls``, and its images."""
-
-_CAST = """
-const Job shape = {job.views, job.height, job.width, job.strips, job.strip_rows.data, job.max_rows,
-                   {job.focal_x, job.focal_y}, {job.center_x, job.center_y}, job.near, job.far,
-                   job.clip_inv_z, job.clip_reach, job.cull_backfaces != 0, (const float*)poses.data, job.points,
-                   job.pixels.data};
-if (!job.scratch.data) {
-    Arena measured = Arena::at(nullptr);
-    StripMemory::carve(measured, shape, scene.drawn_count, scene.levels);
-    job.scratch_bytes.data[0] = measured.used;
-    return;
-}
-const int worker = Workers::enter(job.counter.data);
-Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const StripMemory memory = StripMemory::carve(arena, shape, scene.drawn_count, scene.levels);
-Packets::run(drawn, shape, out, memory, job.counter.data);
-"""
-
-
-@wp.func_native(read_native(*HEADERS) + CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native("warpvis::Launch::packets(calls.data[0], images_out.data[0]);")
 def cast_units(
     calls: wp.array[PacketCall],
     images_out: wp.array[Images],

@@ -4,12 +4,14 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.images import NATIVE_IMAGES, Images
-from warpvis.kernels.casting.packets import CALL, HEADERS, SCENE, BvhScene
+from warpvis.kernels.casting.images import Images
+from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/table.h")}
+)
 
 
 @wp.struct
@@ -68,31 +70,7 @@ class TableCall:
     worlds: Worlds
 
 
-_CAST = """
-const auto& rays = calls.data->rays;
-const RayTree tree = {rays.group_bounds.data, rays.tile_bounds.data, rays.packet_bounds.data, rays.u.data, rays.v.data,
-                      rays.rest_u.data, rays.rest_v.data, rays.row_u.data, rays.row_v.data, rays.scale.data,
-                      rays.place.data, rays.run.data, rays.corner.data, (const RayFit*)rays.fit.data, job.clip_inv_z};
-const TableJob shape = {job.views, job.height, job.width, rays.bundle.shape[0], (const Bundle*)rays.bundle.data,
-                        job.bundle_far.data, rays.focal, job.near, job.far, job.clip_inv_z, job.clip_reach,
-                        job.cull_backfaces != 0, (const float*)poses.data, tree, rays.without_ray.data,
-                        rays.without_ray.shape[0], rays.max_groups};
-if (!job.scratch.data) {
-    Arena measured = Arena::at(nullptr);
-    TableMemory::carve(measured, shape, scene.drawn_count, scene.levels);
-    job.scratch_bytes.data[0] = measured.used;
-    return;
-}
-const int worker = Workers::enter(job.counter.data);
-Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const TableMemory memory = TableMemory::carve(arena, shape, scene.drawn_count, scene.levels);
-TablePackets::run(drawn, shape, out, memory, job.counter.data);
-"""
-
-TABLE_HEADERS = tuple("cpu/table_rays.h" if name == "cpu/plain_rays.h" else name for name in HEADERS)
-
-
-@wp.func_native(read_native(*TABLE_HEADERS, "cpu/table.h") + CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native("warpvis::TableLaunch::table(calls.data[0], images_out.data[0]);")
 def cast_bundles(
     calls: wp.array[TableCall],
     images_out: wp.array[Images],

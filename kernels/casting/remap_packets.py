@@ -4,14 +4,15 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.images import NATIVE_IMAGES, Images
-from warpvis.kernels.casting.packets import CALL, SCENE, BvhScene
-from warpvis.kernels.casting.ray_bundle_packets import TABLE_HEADERS
+from warpvis.kernels.casting.images import Images
+from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/remap.h")}
+)
 
 
 @wp.struct
@@ -44,28 +45,7 @@ class RemapCall:
     worlds: Worlds
 
 
-_CAST = """
-const auto& camera = job.camera;
-const RemapJob shape = {job.views, job.rows, job.columns, (int)camera.width, (int)camera.height,
-                        {camera.fx, camera.fy}, {camera.cx, camera.cy}, job.tree_focal, camera.near, camera.far,
-                        camera.clip_inv_z, camera.clip_reach, job.cull_backfaces != 0, (const float*)poses.data,
-                        job.pixels.data};
-if (!job.scratch.data) {
-    Arena measured = Arena::at(nullptr);
-    RemapMemory::carve(measured, shape, scene.drawn_count, scene.levels);
-    job.scratch_bytes.data[0] = measured.used;
-    return;
-}
-const int worker = Workers::enter(job.counter.data);
-Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const RemapMemory memory = RemapMemory::carve(arena, shape, scene.drawn_count, scene.levels);
-RemapPackets::run(drawn, shape, out, memory, job.counter.data);
-"""
-
-REMAP_HEADERS = (*TABLE_HEADERS, "cpu/table.h", "cpu/remap_map.h", "cpu/remap_tree.h", "cpu/remap.h")
-
-
-@wp.func_native(read_native(*REMAP_HEADERS) + CALL + SCENE + NATIVE_IMAGES + _CAST)
+@wp.func_native("warpvis::RemapLaunch::remap(calls.data[0], images_out.data[0]);")
 def cast_trees(
     calls: wp.array[RemapCall],
     images_out: wp.array[Images],

@@ -9,53 +9,64 @@ import warp as wp
 
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.maps.classify import Ground, Spheres
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
-
-_HEADERS = (
-    read_native(
-        "shared/constants.h",
-        "cpu/lanes.h",
-        "cpu/number_lanes.h",
-        "shared/stretch.h",
-        "shared/pose.h",
-        "cpu/depth_rows.h",
-    )
-    + """
-const long long width = depth_in.shape[2], first = ((long long)view * depth_in.shape[1] + y) * width;
-"""
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_native("cpu/depth_rows.h"),
+    }
 )
+
+_ROW = """
+const long long width = depth_in.shape[2], first = ((long long)view * depth_in.shape[1] + y) * width;
+const warpvis::DepthRange range = {.near = NEAR, .far = FAR};
+"""
 _POSE = """
-const Pose pose = Pose::from((const float*)camera_to_world.data + 7LL * view);
+const warpvis::Pose pose = warpvis::Pose::from((const float*)camera_to_world.data + 7LL * view);
 """
 _PINHOLE = (
     _POSE
     + """
 const double focal[2] = {camera.fx, camera.fy}, center[2] = {camera.cx, camera.cy};
-const RowDirections directions = RowDirections::of_pinhole(pose, focal, center, y);
+const auto directions = warpvis::RowDirections::of_pinhole(pose, focal, center, y);
 """
 )
 _TABLE = (
     _POSE
     + """
-const RowDirections directions = RowDirections::of_table(pose, (const double*)rays_in.data + 3LL * y * width);
+const auto directions = warpvis::RowDirections::of_table(pose, (const double*)rays_in.data + 3LL * y * width);
 """
 )
-_BACK_PROJECT = """
-const DepthRow row = {(int)width, depth_in.data + first, {camera.near, camera.far}, pose.position, directions};
-row.back_project((float*)points_out.data + 3 * first);
+_DEPTH_ROW = """
+const warpvis::DepthRow row = {.width = (int)width,
+                               .depth = depth_in.data + first,
+                               .range = range,
+                               .origin = pose.position,
+                               .directions = directions};
 """
-_CLASSIFY = """
-const DepthRow row = {(int)width, depth_in.data + first, {camera.near, max_range}, pose.position, directions};
-const RowCases cases = {ground.up, ground.height, ground.sigma, spheres.center.shape[0],
-                        (const float*)spheres.center.data, spheres.size.data, spheres.label.data};
+_RANGE = _ROW.replace("NEAR", "camera.near").replace("FAR", "camera.far")
+_BACK_PROJECT = _DEPTH_ROW + "row.back_project((float*)points_out.data + 3 * first);"
+_MAX_RANGE = _ROW.replace("NEAR", "camera.near").replace("FAR", "max_range")
+_CLASSIFY = (
+    _DEPTH_ROW
+    + """
+const warpvis::RowCases cases = {.up = ground.up,
+                                 .height = ground.height,
+                                 .tolerance = ground.sigma,
+                                 .sphere_count = spheres.center.shape[0],
+                                 .centers = (const float*)spheres.center.data,
+                                 .sizes = spheres.size.data,
+                                 .sphere_labels = spheres.label.data};
 cases.classify(row, labels_out.data + first, spheres_out.data ? spheres_out.data + first : nullptr);
 """
+)
 
 
-@wp.func_native(_HEADERS + _PINHOLE + _BACK_PROJECT)
+@wp.func_native(_RANGE + _PINHOLE + _BACK_PROJECT)
 def back_project_row(
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
@@ -83,7 +94,7 @@ def back_project_rows(
     back_project_row(camera, camera_to_world, view, y, depth_in, points_out)
 
 
-@wp.func_native(_HEADERS + _PINHOLE + _CLASSIFY)
+@wp.func_native(_MAX_RANGE + _PINHOLE + _CLASSIFY)
 def classify_depth_row(
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
@@ -119,7 +130,7 @@ def classify_depth_rows(
     classify_depth_row(camera, camera_to_world, view, y, depth_in, max_range, ground, spheres, labels_out, spheres_out)
 
 
-@wp.func_native(_HEADERS + _TABLE + _BACK_PROJECT)
+@wp.func_native(_RANGE + _TABLE + _BACK_PROJECT)
 def back_project_table_row(
     camera: RayRange,
     camera_to_world: wp.array[wp.transform],
@@ -149,7 +160,7 @@ def back_project_ray_rows(
     back_project_table_row(camera, camera_to_world, view, y, rays_in, depth_in, points_out)
 
 
-@wp.func_native(_HEADERS + _TABLE + _CLASSIFY)
+@wp.func_native(_MAX_RANGE + _TABLE + _CLASSIFY)
 def classify_table_row(
     camera: RayRange,
     camera_to_world: wp.array[wp.transform],
@@ -190,9 +201,12 @@ def classify_ray_rows(
 
 
 @wp.func_native(
-    _HEADERS
+    _ROW.replace("NEAR", "0.0f").replace("FAR", "max_range")
     + """
-const ObjectRow row = {(int)width, object_label.shape[0], object_label.data, {0.0f, max_range}};
+const warpvis::ObjectRow row = {.width = (int)width,
+                                .object_count = object_label.shape[0],
+                                .object_labels = object_label.data,
+                                .range = range};
 row.label(depth_in.data + first, segmentation_in.data + first, labels_out.data + first);
 """
 )

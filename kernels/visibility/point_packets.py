@@ -4,12 +4,14 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.packets import HEADERS, SCENE, BvhScene
+from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/points.h")}
+)
 
 
 @wp.struct
@@ -32,43 +34,23 @@ class PointJob:
 
 
 _JUDGE = """
-const double width = camera.width * job.scale, height = camera.height * job.scale;
-Job shape = Job();
-shape.views = camera_to_world.shape[0];
-shape.width = (int)__builtin_ceil(width);
-shape.height = (int)__builtin_ceil(height);
-shape.focal[0] = camera.fx * job.scale;
-shape.focal[1] = camera.fy * job.scale;
-shape.center[0] = camera.cx * job.scale;
-shape.center[1] = camera.cy * job.scale;
-shape.near = camera.near;
-shape.far = camera.far;
-shape.poses = (const float*)camera_to_world.data;
-const PointJob asked = {(const float*)points.data, points.shape[0], job.batch, job.strip_tiles,
-                        job.views_are_units != 0, job.with_id != 0, width, height, tolerance, status.data,
-                        occluders.data};
-const int tiles_x = Grid::tiles(shape.width), tiles_y = Grid::tiles(shape.height);
-if (!job.bins.data) {
-    Arena bins = Arena::at(nullptr), scratch = Arena::at(nullptr);
-    PointBins::carve(bins, asked, tiles_x, tiles_y);
-    PointMemory::carve(scratch, asked, tiles_x, scene.drawn_count, scene.levels);
-    job.bytes.data[0] = bins.used;
-    job.bytes.data[1] = scratch.used;
-    return;
-}
-Workers::enter(job.counter.data);
-const int slot = Workers::take_memory(job.taken.data);
-Arena shared = Arena::at((char*)job.bins.data + (job.views_are_units ? slot : 0) * (long long)job.bins.strides[0]);
-Arena own = Arena::at((char*)job.scratch.data + slot * (long long)job.scratch.strides[0]);
-const PointBins bins = PointBins::carve(shared, asked, tiles_x, tiles_y);
-const PointMemory memory = PointMemory::carve(own, asked, tiles_x, scene.drawn_count, scene.levels);
-const PointWork work = {drawn, shape, asked, bins};
-PointPackets::of(work, memory).run(job.counter.data);
-Workers::give_back_memory(job.taken.data, slot);
+const warpvis::PointJob request = {.place = (const float*)points.data,
+                                   .count = points.shape[0],
+                                   .batch = job.batch,
+                                   .strip_tiles = job.strip_tiles,
+                                   .views_are_units = job.views_are_units != 0,
+                                   .with_id = job.with_id != 0,
+                                   .width = camera.width * job.scale,
+                                   .height = camera.height * job.scale,
+                                   .tolerance = tolerance,
+                                   .status = status.data,
+                                   .occluders = occluders.data};
+warpvis::PointLaunch::judge(job, warpvis::Scene::of(scene, worlds), scene.levels,
+                            warpvis::Job::of_camera(camera, camera_to_world, job.scale), request);
 """
 
 
-@wp.func_native(read_native(*HEADERS, "cpu/point_bins.h", "cpu/points.h") + SCENE + _JUDGE)
+@wp.func_native(_JUDGE)
 def judge_units(
     scene: BvhScene,
     camera: PinholeCamera,

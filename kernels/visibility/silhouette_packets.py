@@ -4,13 +4,15 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.packets import HEADERS, SCENE, BvhScene
+from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.visibility.silhouettes import Canvas, Chosen, Comparison
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/silhouettes.h")}
+)
 
 
 @wp.struct
@@ -23,36 +25,28 @@ class SilhouetteJob:
 
 
 _MEASURE = """
-Job shape = Job();
-shape.views = camera_to_world.shape[0];
-shape.height = (int)camera.height;
-shape.width = (int)camera.width;
-shape.focal[0] = camera.fx;
-shape.focal[1] = camera.fy;
-shape.center[0] = camera.cx;
-shape.center[1] = camera.cy;
-shape.far = __builtin_inff();
-shape.poses = (const float*)camera_to_world.data;
-const SilhouetteJob asked = {chosen.index.shape[0], chosen.index.data, scene.object_count,
-                             {canvas.x0, canvas.y0, canvas.x1, canvas.y1}, canvas.seen_only != 0,
-                             camera.near, camera.far, comparison.segmentation.data, comparison.depth.data,
-                             comparison.delta, (char*)counts.data, counts.strides[0], counts.strides[1],
-                             hidden_by.data, masks.data};
-if (!job.scratch.data) {
-    Arena measured = Arena::at(nullptr);
-    SilhouetteMemory::carve(measured, asked, scene.drawn_count, scene.levels);
-    job.scratch_bytes.data[0] = measured.used;
-    return;
-}
-const int worker = Workers::enter(job.counter.data);
-Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
-const SilhouetteMemory memory = SilhouetteMemory::carve(arena, asked, scene.drawn_count, scene.levels);
-const Silhouettes silhouettes = {drawn, shape, asked, memory};
-silhouettes.run(job.counter.data);
+warpvis::Job image = warpvis::Job::of_camera(camera, camera_to_world, 1.0);
+image.far = __builtin_inff();
+const warpvis::SilhouetteJob request = {.count = chosen.index.shape[0],
+                                        .chosen = chosen.index.data,
+                                        .objects = scene.object_count,
+                                        .canvas = {canvas.x0, canvas.y0, canvas.x1, canvas.y1},
+                                        .seen_only = canvas.seen_only != 0,
+                                        .near = camera.near,
+                                        .far = camera.far,
+                                        .seen = comparison.segmentation.data,
+                                        .depth = comparison.depth.data,
+                                        .delta = comparison.delta,
+                                        .counts = (char*)counts.data,
+                                        .count_stride = counts.strides[0],
+                                        .view_stride = counts.strides[1],
+                                        .hidden_by = hidden_by.data,
+                                        .masks = masks.data};
+warpvis::SilhouetteLaunch::measure(job, warpvis::Scene::of(scene, worlds), scene.levels, image, request);
 """
 
 
-@wp.func_native(read_native(*HEADERS, "cpu/silhouettes.h") + SCENE + _MEASURE)
+@wp.func_native(_MEASURE)
 def measure_units(
     scene: BvhScene,
     chosen: Chosen,

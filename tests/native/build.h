@@ -1,7 +1,11 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tree construction as in kernels/bvh/build.py. Included once for each number of lanes, after the headers of the tree.
+// Tree construction as in kernels/bvh/build.py.
+
+#pragma once
+
+namespace warpvis {
 
 // Whether the stored areas of the parts' boxes are exact, for a range's split and all splits below it.
 inline bool has_exact_areas(const Exact<v8>& items, const Exact<Split>& splits, int split, int begin, int end) {
@@ -14,6 +18,7 @@ inline bool has_exact_areas(const Exact<v8>& items, const Exact<Split>& splits, 
            has_exact_areas(items, splits, here.child[1], split, end);
 }
 
+template <int LANES>
 inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
                        const std::vector<unsigned char>& closed_of, bool evenly, int depth) {
     const int count = given.count();
@@ -24,12 +29,12 @@ inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
     Exact<Split> splits(count);
     for (int i = 0; i < count; ++i) Items::load(vertices.data, faces.data, i, items.data);
     v8 centers[2];
-    Splitter::split_all(items.data, splits.data, {0, count, 0, depth, Aabb::of_centers(items.data, 0, count)}, -1,
-                        centers);
+    Splitter<LANES>::split_all(items.data, splits.data, {0, count, 0, depth, Aabb::of_centers(items.data, 0, count)},
+                               -1, centers);
     const bool exact_areas = has_exact_areas(items, splits, splits[0].child[0], 0, count);
-    Exact<Collapser::Binary> binaries(count);
+    Exact<typename Collapser<LANES>::Binary> binaries(count);
     Exact<int> children((size_t)count * LANES, 0x55555555), ranges(2 * (size_t)count), counts(3);
-    Collapser::collapse(splits.data, count, evenly, binaries.data, children.data, ranges.data, counts.data);
+    Collapser<LANES>::collapse(splits.data, count, evenly, binaries.data, children.data, ranges.data, counts.data);
     BuiltTree tree;
     tree.exact_areas = exact_areas;
     tree.lanes = LANES, tree.nodes = counts[0], tree.leaves = counts[1], tree.levels = counts[2];
@@ -40,8 +45,10 @@ inline BuiltTree build(const ::Mesh& given, const std::vector<int>& owner_of,
     tree.owners = Exact<int>((size_t)tree.leaves * LANES);
     Exact<float> bounds((size_t)tree.leaves * NODE_ROWS);
     const Mesh mesh = {vertices.data, faces.data, owner.data, closed.data};
-    const Leaves leaves = {tree.leaf_rows.data, tree.triangles.data, tree.owners.data, bounds.data};
+    const Leaves<LANES> leaves = {tree.leaf_rows.data, tree.triangles.data, tree.owners.data, bounds.data};
     for (int leaf = 0; leaf < tree.leaves; ++leaf) leaves.fill(mesh, items.data, ranges.data, leaf);
-    Nodes::fit(tree.children.data, bounds.data, tree.nodes, tree.node_rows.data);
+    Nodes<LANES>::fit(tree.children.data, bounds.data, tree.nodes, tree.node_rows.data);
     return tree;
 }
+
+}  // namespace warpvis

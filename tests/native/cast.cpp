@@ -11,38 +11,38 @@
 
 BuiltTree build_tree(int lanes, const Mesh& mesh, const std::vector<int>& owner,
                      const std::vector<unsigned char>& closed, bool evenly, int depth) {
-    return lanes == 16 ? building_16::build(mesh, owner, closed, evenly, depth)
-                       : building_32::build(mesh, owner, closed, evenly, depth);
+    return lanes == 16 ? warpvis::build<16>(mesh, owner, closed, evenly, depth)
+                       : warpvis::build<32>(mesh, owner, closed, evenly, depth);
 }
 
 unsigned turned_away(const BuiltTree& tree, int node, const float* camera) {
-    using casting::Lanes;
+    using warpvis::Lanes;
     const float* rows = tree.node_rows.data + (size_t)node * 160;
-    casting::Points box[2];
+    warpvis::Points box[2];
     for (int k = 0; k < 2; ++k)
         box[k] = {Lanes::load(rows + 48 * k) - camera[0], Lanes::load(rows + 48 * k + 16) - camera[1],
                   Lanes::load(rows + 48 * k + 32) - camera[2]};
-    return Lanes::bits(casting::Walk::faces_away(rows, box[0], box[1], 0.0f));
+    return Lanes::bits(warpvis::Walk<warpvis::PIXEL_RAYS>::faces_away(rows, box[0], box[1], 0.0f));
 }
 
-static casting::Linear edge_of(const float* edge) {
-    using casting::Lanes;
+static warpvis::Linear edge_of(const float* edge) {
+    using warpvis::Lanes;
     return {Lanes::all(edge[0]), Lanes::all(edge[1]), Lanes::all(edge[2])};
 }
 
 void narrow_columns(const float* edge, float error_bound, float first_u, float v0, float v1, float& left,
                     float& right) {
-    using casting::Lanes;
-    casting::Camera camera = casting::Camera();
+    using warpvis::Lanes;
+    warpvis::Camera camera = warpvis::Camera();
     camera.first_u = first_u;
-    casting::Floats from = Lanes::all(left), to = Lanes::all(right);
-    casting::Raster::narrow(camera, edge_of(edge), error_bound, Lanes::all(v0), Lanes::all(v1), from, to);
+    warpvis::Floats from = Lanes::all(left), to = Lanes::all(right);
+    warpvis::Raster::narrow(camera, edge_of(edge), error_bound, Lanes::all(v0), Lanes::all(v1), from, to);
     left = from[0], right = to[0];
 }
 
 bool is_inside(const float* edge, float error_bound, float u, float v) {
-    using casting::Lanes;
-    const casting::Linear linear = edge_of(edge);
+    using warpvis::Lanes;
+    const warpvis::Linear linear = edge_of(edge);
     return linear.at(Lanes::all(u), linear.row(Lanes::all(v)))[0] >= -error_bound;
 }
 
@@ -54,7 +54,7 @@ struct Joiner {
 
     // Add a mesh; returns its first node. `ids` grows by the number of its slots.
     int add(const Mesh& mesh, const std::vector<int>& owner, const std::vector<unsigned char>& closed_of) {
-        const BuiltTree tree = building_16::build(mesh, owner, closed_of, false, 0);
+        const BuiltTree tree = warpvis::build<16>(mesh, owner, closed_of, false, 0);
         const int first_node = (int)children.size() / 16, leaf = (int)owners.size() / 16;
         for (size_t i = 0; i < tree.children.count; ++i) {
             const int child = tree.children[i];
@@ -154,7 +154,7 @@ SceneBvh cluster(const Scene& scene) {
     return clusters;
 }
 
-static casting::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
+static warpvis::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
     return {{c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed,
              c.closed_boxes.data, c.closed_object.data, (int)c.closed_object.count},
             {(int)c.object.count,
@@ -179,8 +179,8 @@ static casting::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
              (int)c.still.count}};
 }
 
-static casting::Job job_of(const Worlds& worlds, const Lens& lens) {
-    casting::Job job = casting::Job();
+static warpvis::Job job_of(const Worlds& worlds, const Lens& lens) {
+    warpvis::Job job = warpvis::Job();
     job.views = worlds.views, job.height = lens.height, job.width = lens.width;
     job.focal[0] = lens.fx, job.focal[1] = lens.fy, job.center[0] = lens.cx, job.center[1] = lens.cy;
     job.near = lens.near, job.far = lens.far;
@@ -198,7 +198,7 @@ static float clip_inv_z(float near) {
 // Number of bytes that `carve` takes from an arena.
 template <class Carve>
 static size_t measure(Carve carve) {
-    casting::Arena arena = casting::Arena::at(nullptr);
+    warpvis::Arena arena = warpvis::Arena::at(nullptr);
     carve(arena);
     return (size_t)arena.used;
 }
@@ -211,11 +211,11 @@ static void run_workers(const Shares& shares, size_t bytes, int* counter, Run ru
     Exact<int> taken(shares.workers);
     for (int i = 0; i < shares.workers; ++i) memory.emplace_back(bytes);
     const auto work = [&] {
-        casting::Workers::enter(counter);
-        const int slot = casting::Workers::take_memory(taken.data);
-        casting::Arena arena = casting::Arena::at(memory[slot].data);
+        warpvis::Workers::enter(counter);
+        const int slot = warpvis::Workers::take_memory(taken.data);
+        warpvis::Arena arena = warpvis::Arena::at(memory[slot].data);
         run(arena);
-        casting::Workers::give_back_memory(taken.data, slot);
+        warpvis::Workers::give_back_memory(taken.data, slot);
     };
     for (int i = 1; i < shares.workers; ++i) threads.emplace_back(work);
     work();
@@ -224,7 +224,7 @@ static void run_workers(const Shares& shares, size_t bytes, int* counter, Run ru
 
 Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares, bool cull,
               unsigned outputs, const Exact<float>& at, int points) {
-    casting::Job job = job_of(worlds, lens);
+    warpvis::Job job = job_of(worlds, lens);
     const Exact<int> rows(shares.strip_rows);
     job.strips = (int)rows.count - 1, job.strip_rows = rows.data;
     for (int i = 0; i < job.strips; ++i) job.max_rows = std::max(job.max_rows, rows[i + 1] - rows[i]);
@@ -239,23 +239,23 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     if (outputs & NORMALS) made.normals = Exact<float>(pixels * 3, -7.0f, shares.shift);
     if (outputs & LABELS) made.labels = Exact<unsigned char>(pixels, 77, shares.shift);
     if (outputs & OBJECTS) made.objects = Exact<int>(pixels, -7, shares.shift);
-    const casting::Images out = {made.depth.data,   made.points.data, made.normals.data, made.labels.data,
+    const warpvis::Images out = {made.depth.data,   made.points.data, made.normals.data, made.labels.data,
                                  made.objects.data, nullptr,          c.labels.data,     nullptr};
-    const casting::Scene scene = scene_of(c, worlds);
-    const auto carve = [&](casting::Arena& arena) {
-        return casting::StripMemory::carve(arena, job, scene.movables.count, c.levels);
+    const warpvis::Scene scene = scene_of(c, worlds);
+    const auto carve = [&](warpvis::Arena& arena) {
+        return warpvis::StripMemory::carve(arena, job, scene.movables.count, c.levels);
     };
-    Exact<int> counter(casting::JOB_COUNTERS, 0);
-    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
-        const casting::StripMemory memory = carve(arena);
-        casting::Packets::run(scene, job, out, memory, counter.data);
+    Exact<int> counter(warpvis::JOB_COUNTERS, 0);
+    run_workers(shares, measure(carve), counter.data, [&](warpvis::Arena& arena) {
+        const warpvis::StripMemory memory = carve(arena);
+        warpvis::Packets<warpvis::PIXEL_RAYS>::run(scene, job, out, memory, counter.data);
     });
     return made;
 }
 
 Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                       const Layout& layout, const Exact<float>& places) {
-    casting::Job job = job_of(worlds, lens);
+    warpvis::Job job = job_of(worlds, lens);
     const double width = lens.width * layout.scale, height = lens.height * layout.scale;
     job.width = (int)std::ceil(width), job.height = (int)std::ceil(height);
     for (int k = 0; k < 2; ++k) job.focal[k] *= layout.scale, job.center[k] *= layout.scale;
@@ -263,32 +263,32 @@ Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens,
     Statuses made;
     made.status = Exact<unsigned char>((size_t)job.views * count, 77, shares.shift);
     if (layout.occluders) made.occluders = Exact<int>((size_t)job.views * count, -7, shares.shift);
-    const casting::PointJob points = {places.data,        count, layout.batch, layout.strip_tiles, layout.whole,
+    const warpvis::PointJob points = {places.data,        count, layout.batch, layout.strip_tiles, layout.whole,
                                       layout.with_id,     width, height,       layout.tolerance,   made.status.data,
                                       made.occluders.data};
-    const int tiles_x = casting::Grid::tiles(job.width), tiles_y = casting::Grid::tiles(job.height);
-    const casting::Scene scene = scene_of(c, worlds);
-    const auto carve_bins = [&](casting::Arena& arena) {
-        return casting::PointBins::carve(arena, points, tiles_x, tiles_y);
+    const int tiles_x = warpvis::Grid::tiles(job.width), tiles_y = warpvis::Grid::tiles(job.height);
+    const warpvis::Scene scene = scene_of(c, worlds);
+    const auto carve_bins = [&](warpvis::Arena& arena) {
+        return warpvis::PointBins::carve(arena, points, tiles_x, tiles_y);
     };
-    const auto carve = [&](casting::Arena& arena) {
-        return casting::PointMemory::carve(arena, points, tiles_x, scene.movables.count, c.levels);
+    const auto carve = [&](warpvis::Arena& arena) {
+        return warpvis::PointMemory::carve(arena, points, tiles_x, scene.movables.count, c.levels);
     };
-    Exact<int> counter(casting::JOB_COUNTERS, 0);
+    Exact<int> counter(warpvis::JOB_COUNTERS, 0);
     Exact<char> shared(measure(carve_bins));
     const int chunks = points.chunks(), strips = points.strips(tiles_y);
     const int units = job.views * points.batches() * (layout.whole ? 1 : chunks + strips);
-    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
-        const casting::PointMemory memory = carve(arena);
+    run_workers(shares, measure(carve), counter.data, [&](warpvis::Arena& arena) {
+        const warpvis::PointMemory memory = carve(arena);
         Exact<char> own(layout.whole ? measure(carve_bins) : 0);
-        casting::Arena place = casting::Arena::at(layout.whole ? own.data : shared.data);
-        const casting::PointBins bins = carve_bins(place);
-        const casting::PointWork work = {scene, job, points, bins};
-        const casting::PointPackets packets = casting::PointPackets::of(work, memory);
+        warpvis::Arena place = warpvis::Arena::at(layout.whole ? own.data : shared.data);
+        const warpvis::PointBins bins = carve_bins(place);
+        const warpvis::PointWork work = {scene, job, points, bins};
+        const warpvis::PointPackets packets = warpvis::PointPackets::of(work, memory);
         packets.run(counter.data);
-        while (__atomic_load_n(counter.data + casting::COUNTER_NEXT_UNIT, __ATOMIC_SEQ_CST) < units) {
+        while (__atomic_load_n(counter.data + warpvis::COUNTER_NEXT_UNIT, __ATOMIC_SEQ_CST) < units) {
             std::this_thread::yield();  // this worker had to wait for others
-            casting::Workers::enter(counter.data);
+            warpvis::Workers::enter(counter.data);
             packets.run(counter.data);
         }
     });
@@ -297,7 +297,7 @@ Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens,
 
 Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const Shares& shares,
                      const Compared& with) {
-    casting::Job job = job_of(worlds, lens);
+    warpvis::Job job = job_of(worlds, lens);
     job.far = INFINITY;
     const int chosen = (int)with.chosen.size(), objects = (int)c.labels.count, pairs = job.views * chosen;
     const Exact<int> indices(with.chosen);
@@ -305,7 +305,7 @@ Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, 
     made.counts = Exact<int>((size_t)COUNTERS * pairs, 0);
     made.hidden_by = Exact<int>((size_t)pairs * objects, 0);
     if (with.masks) made.masks = Exact<unsigned char>((size_t)pairs * lens.height * lens.width, 0);
-    const casting::SilhouetteJob request = {chosen,
+    const warpvis::SilhouetteJob request = {chosen,
                                             indices.data,
                                             objects,
                                             {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
@@ -320,14 +320,14 @@ Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, 
                                             chosen * 4LL,
                                             made.hidden_by.data,
                                             made.masks.data};
-    const casting::Scene scene = scene_of(c, worlds);
-    const auto carve = [&](casting::Arena& arena) {
-        return casting::SilhouetteMemory::carve(arena, request, scene.movables.count, c.levels);
+    const warpvis::Scene scene = scene_of(c, worlds);
+    const auto carve = [&](warpvis::Arena& arena) {
+        return warpvis::SilhouetteMemory::carve(arena, request, scene.movables.count, c.levels);
     };
-    Exact<int> counter(casting::JOB_COUNTERS, 0);
-    run_workers(shares, measure(carve), counter.data, [&](casting::Arena& arena) {
-        const casting::SilhouetteMemory memory = carve(arena);
-        casting::Silhouettes{scene, job, request, memory}.run(counter.data);
+    Exact<int> counter(warpvis::JOB_COUNTERS, 0);
+    run_workers(shares, measure(carve), counter.data, [&](warpvis::Arena& arena) {
+        const warpvis::SilhouetteMemory memory = carve(arena);
+        warpvis::Silhouettes{scene, job, request, memory}.run(counter.data);
     });
     return made;
 }

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
 // A worker's memory, allocated piece by piece. Without memory behind it, the same code measures the size needed, so
 // that Python does not duplicate the computation.
 struct Arena {

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
+#include "cpu/lanes.h"
+
 // Triangles and the tree above them, in rows with one number per lane: see warpvis/scene/acceleration/bvh.py.
 struct Bvh {
     enum { LEAF_WORDS = LEAF_ROWS * LANES, NODE_WORDS = NODE_ROWS * LANES };

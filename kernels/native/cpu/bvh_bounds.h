@@ -1,11 +1,19 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Include after bvh_split.h.
+
+#pragma once
+
+#include "cpu/bvh_split.h"
 
 // Bounds that a node stores for a child: its box and a cone that contains all its normals. A cone consists of an axis
 // and a cutoff, the sine of its half angle plus a margin; the cutoff is never() if the cone does not bound the normals.
+template <int LANES>
 struct Bounds {
+    typedef float Floats __attribute__((ext_vector_type(LANES)));
+    typedef double Doubles __attribute__((ext_vector_type(LANES)));
+    typedef int Ints __attribute__((ext_vector_type(LANES)));
+    typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // mask of a comparison of Doubles
+
     static constexpr float never() { return 2.0f; }
     static constexpr double min_cosine() { return 0.0872; }  // cosine of 85 degrees
     static constexpr double margin() { return 1e-3; }
@@ -102,6 +110,7 @@ struct Mesh {
 };
 
 // Contents of leaves, as in warpvis/scene/acceleration/bvh.py.
+template <int LANES>
 struct Leaves {
     float* rows;  // [leaf][LEAF_ROWS][lane]
     int* triangles;  // [leaf][lane]
@@ -125,7 +134,7 @@ struct Leaves {
                 for (int axis = 0; axis < 3; ++axis) target[(3 * corner + axis) * LANES + k] = p[axis];
             }
         }
-        Bounds::of_leaf(target, all_closed, bounds + leaf * NODE_ROWS);
+        Bounds<LANES>::of_leaf(target, all_closed, bounds + leaf * NODE_ROWS);
     }
 
     // Index of the corner opposite to the longest side, which is stored first. Casters compute a triangle's normal from
@@ -147,6 +156,7 @@ struct Leaves {
     }
 };
 
+template <int LANES>
 struct Nodes {
     // Compute bounds from the last node to the first: a node's children follow it.
     static void fit(const int* children, const float* leaf_bounds, int count, float* nodes) {
@@ -155,11 +165,11 @@ struct Nodes {
             for (int k = 0; k < LANES; ++k) {
                 const int child = children[node * LANES + k];
                 float bounds[NODE_ROWS] = {NOWHERE,  NOWHERE, NOWHERE, -NOWHERE, -NOWHERE,
-                                           -NOWHERE, 0.0f,    0.0f,    0.0f,     Bounds::never()};
+                                           -NOWHERE, 0.0f,    0.0f,    0.0f,     Bounds<LANES>::never()};
                 if (child < 0) __builtin_memcpy(bounds, leaf_bounds + (long long)~child * NODE_ROWS, sizeof(bounds));
                 if (child > 0)
-                    Bounds::of_node(nodes + (long long)child * NODE_ROWS * LANES, children + (long long)child * LANES,
-                                    bounds);
+                    Bounds<LANES>::of_node(nodes + (long long)child * NODE_ROWS * LANES,
+                                           children + (long long)child * LANES, bounds);
                 for (int r = 0; r < NODE_ROWS; ++r) rows[r * LANES + k] = bounds[r];
             }
         }

@@ -1,10 +1,13 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
-//
-// Include after bvh_split.h.
+
+#pragma once
+
+#include "cpu/bvh_split.h"
 
 // Collapses the binary tree into nodes of LANES children such that the total surface area of the nodes' boxes, and so
 // the expected number of nodes that a random ray visits, is minimal (Ylitie, Karras and Laine 2017, section 3.1).
+template <int LANES>
 struct Collapser {
     enum {
         MAX_LEVELS = HALVING_DEPTH + 31

@@ -1,27 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Builder of the BVH: leaves of LANES triangles, nodes of LANES children. kernels/bvh/build.py defines LANES, 16 or 32,
-// before this text.
-//
-// Warp pastes this text into the body of a function, without the standard library: hence local structs of static
-// functions, and constants as enums. The kernels of kernels/bvh/build.py call them in this order: Items::load and
-// Splitter::split_all here, Collapser::collapse in bvh_collapse.h, Leaves::fill and Nodes::fit in bvh_bounds.h.
+// Builder of the BVH: leaves of LANES triangles, nodes of LANES children, 16 or 32. The kernels of kernels/bvh/build.py
+// call Items::load and Splitter::split_all here, then Collapser::collapse in bvh_collapse.h, and Leaves::fill and
+// Nodes::fit in bvh_bounds.h.
+
+#pragma once
+
+#include "shared/constants.h"
 
 typedef float v4 __attribute__((ext_vector_type(4)));
 typedef float v8 __attribute__((ext_vector_type(8)));
 typedef int i4 __attribute__((ext_vector_type(4)));
-typedef float Floats __attribute__((ext_vector_type(LANES)));
-typedef double Doubles __attribute__((ext_vector_type(LANES)));
-typedef int Ints __attribute__((ext_vector_type(LANES)));
-typedef decltype((Doubles)(0.0) < (Doubles)(0.0)) Truths;  // mask of a comparison of Doubles
-
-enum {
-    BINS = 16,  // bins per axis, for ranges that are too large to sort
-    SMALL = 4 * LANES,  // ranges of at most this many items are sorted
-    // quantization steps of an axis when sorting: a step and an item's index fit into 30 bits
-    STEPS = (1 << 30) / SMALL,
-};
 
 // An AABB is stored as its lower corner and its negated upper corner, so that the union of two is one minimum. Lanes 3
 // and 7 are free; an item is a triangle's box with the triangle's index there, as two floats that hold 16 bits each.
@@ -91,7 +81,17 @@ struct Choice {
     float cost, left_area, right_area;
 };
 
+template <int LANES>
 struct Splitter {
+    typedef int Ints __attribute__((ext_vector_type(LANES)));
+
+    enum {
+        BINS = 16,  // bins per axis, for ranges that are too large to sort
+        SMALL = 4 * LANES,  // ranges of at most this many items are sorted
+        // quantization steps of an axis when sorting: a step and an item's index fit into 30 bits
+        STEPS = (1 << 30) / SMALL,
+    };
+
     // Cost of a child in the surface area heuristic, in leaves: a leaf costs the same however few triangles it has. If
     // boxes have no area, the fewest leaves are best.
     static float cost(float area, int count, float per_item) {

@@ -10,6 +10,12 @@
 // An edge function is evaluated by the same expressions in the same order wherever it is needed, and if rounding leaves
 // its sign uncertain, it is evaluated in double precision (shared/edges.h): no ray slips between triangles.
 
+#pragma once
+
+#include "cpu/ray_tree.h"
+#include "shared/edges.h"
+#include "shared/pose.h"
+
 // Factor of the error bound of edge functions if u and v of the rays are rounded too.
 constexpr float ROUNDED_RAY_FACTOR = 1.5f;
 
@@ -30,6 +36,40 @@ struct Job {
     int points;  // per view, if rays pass through points instead of pixel centers; else 0
     const float* pixels;  // [view][point]: x and y in pixels
 
+    // The job of a `PacketJob` of kernels/casting/packets.py.
+    template <class PacketJob, class Poses>
+    static inline Job of(const PacketJob& job, const Poses& poses) {
+        return Job{.views = job.views,
+                   .height = job.height,
+                   .width = job.width,
+                   .strips = job.strips,
+                   .strip_rows = job.strip_rows.data,
+                   .max_rows = job.max_rows,
+                   .focal = {job.focal_x, job.focal_y},
+                   .center = {job.center_x, job.center_y},
+                   .near = job.near,
+                   .far = job.far,
+                   .clip_inv_z = job.clip_inv_z,
+                   .clip_reach = job.clip_reach,
+                   .cull_back_faces = job.cull_backfaces != 0,
+                   .poses = (const float*)poses.data,
+                   .points = job.points,
+                   .pixels = job.pixels.data};
+    }
+    // The images of a `PinholeCamera` of kernels/pinhole.py, at a multiple of its resolution.
+    template <class PinholeCamera, class Poses>
+    static inline Job of_camera(const PinholeCamera& camera, const Poses& poses, double scale) {
+        Job job = Job();
+        job.views = poses.shape[0];
+        job.height = (int)__builtin_ceil(camera.height * scale);
+        job.width = (int)__builtin_ceil(camera.width * scale);
+        job.focal[0] = camera.fx * scale, job.focal[1] = camera.fy * scale;
+        job.center[0] = camera.cx * scale, job.center[1] = camera.cy * scale;
+        job.near = camera.near;
+        job.far = camera.far;
+        job.poses = (const float*)poses.data;
+        return job;
+    }
     inline Pose pose_of(int view) const { return Pose::from(poses + (long long)view * POSE_WORDS); }
 };
 
@@ -57,6 +97,7 @@ struct Camera {
     bool cull_back_faces;  // of all objects, because the caller requested it
     const unsigned char* excluded;  // [object]: not 0 for excluded objects; null if no object is excluded
 
+    template <RayKind KIND>
     static inline Camera of(const Pose& pose, const Job& job) {
         Camera camera;
         for (int k = 0; k < 3; ++k) {
@@ -81,7 +122,7 @@ struct Camera {
         camera.extent = (float)(reach > focal ? reach : focal);
         camera.per_extent = 1.0f / camera.extent;
         camera.edge_error_bound =
-            EDGE_ERROR_BOUND * (RAY_TABLE ? ROUNDED_RAY_FACTOR : 1.0f) * (float)(1.0 + reach / focal);
+            EDGE_ERROR_BOUND * (KIND == PIXEL_RAYS ? 1.0f : ROUNDED_RAY_FACTOR) * (float)(1.0 + reach / focal);
         camera.far = job.far * 1.00001f;
         camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         camera.skip_back_faces = false;
@@ -91,13 +132,14 @@ struct Camera {
     }
 
     // In the frame of a stretched object, divided by the factors.
+    template <RayKind KIND>
     static inline Camera of(const Pose& pose, const Stretch& stretch, const Job& job) {
         Pose scaled = pose;
         for (int k = 0; k < 3; ++k) {
             scaled.position[k] /= stretch.factor[k];
             for (int i = 0; i < 3; ++i) scaled.axis[i][k] *= stretch.factor[k];
         }
-        Camera camera = of(scaled, job);
+        Camera camera = of<KIND>(scaled, job);
         // Points are multiplied by the factors on the way into camera space, rays divided by them on the way out.
         for (int k = 0; k < 3; ++k)
             for (int i = 0; i < 3; ++i) camera.exact_to_camera[i][k] /= stretch.factor[k] * stretch.factor[k];
@@ -142,6 +184,7 @@ struct Frustum {
 
     float plane[PLANES][3], min_product[PLANES];
 
+    template <RayKind KIND>
     static inline Frustum of(const Camera& camera, const Image& image) {
         Frustum frustum;
         const Row* m = camera.to_camera;
@@ -159,7 +202,7 @@ struct Frustum {
         frustum.min_product[2] = (image.width - center_x) * error[2] - error[0];
         frustum.min_product[3] = error[1] + center_y * error[2];
         frustum.min_product[4] = (image.height - center_y) * error[2] - error[1];
-        if (RAY_ORIGINS) {
+        if constexpr (KIND == ORIGIN_RAYS) {
             frustum.min_product[1] -= image.tree->origins.max_p, frustum.min_product[2] -= image.tree->origins.max_p;
             frustum.min_product[3] -= image.tree->origins.max_q, frustum.min_product[4] -= image.tree->origins.max_q;
         }

@@ -4,6 +4,11 @@
 // Rows of depth images to world points and labels, 16 pixels at a time: see kernels/maps/classify.py and
 // kernels/maps/ray_points.py.
 
+#pragma once
+
+#include "cpu/number_lanes.h"
+#include "shared/pose.h"
+
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
 // Range of valid depth [m].

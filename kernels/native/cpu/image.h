@@ -5,6 +5,11 @@
 // 4 pixels, one per SIMD register, in tiles of 4 x 4 blocks. If rays pass through arbitrary points instead of pixel
 // centers, blocks are cells that hold the points inside them in packets of LANES points.
 
+#pragma once
+
+#include "cpu/arena.h"
+#include "cpu/lanes.h"
+
 enum {
     BLOCK_SHIFT = 2,
     TILE_SHIFT = 4,
@@ -16,6 +21,13 @@ enum {
 static_assert(BLOCK_SIDE == 1 << BLOCK_SHIFT && TILE_SIDE == 1 << TILE_SHIFT, "Python uses the sides");
 static_assert(BLOCK_PIXELS == LANES && TILE_BLOCKS == LANES,
               "a register holds a block, and a number for each of a tile");
+
+// What the rays of an image are.
+enum RayKind {
+    PIXEL_RAYS,  // through pixel centers or points of the image
+    TABLE_RAYS,  // of a ray table: the packets of the image are those of a `RayTree`
+    ORIGIN_RAYS,  // of a ray table, with distinct origins: see `RayOrigins`; the others begin at the eye
+};
 
 // What the z-buffer stores of a pixel in addition to 1 / z.
 enum Mode {

@@ -4,6 +4,10 @@
 // SIMD lanes: Clang's vector types, which it maps to AVX-512, AVX2, SSE or NEON registers alike. Comparisons give
 // integer lanes, -1 if true and 0 if false, and `mask ? a : b` selects lane by lane.
 
+#pragma once
+
+#include "shared/constants.h"
+
 enum { LANES = CPU_LANES };
 static_assert(LANES == 16, "the shuffles below are written for 16 lanes");
 

@@ -4,6 +4,10 @@
 // The objects with separate frames that a view may see. Each has a BVH in its own frame, into which the camera is
 // transformed: neither rigid motion nor stretching changes depth or image coordinates, and neither requires a rebuild.
 
+#pragma once
+
+#include "cpu/walk.h"
+
 // Bounding boxes of objects in camera space, one per lane: their centers, and half of each edge.
 struct OrientedBoxes {
     Points center, half[3];
@@ -79,10 +83,11 @@ struct OrientedBoxes {
     }
 
     // Bounds of the boxes in the image.
+    template <RayKind KIND>
     inline ScreenBounds bounds(float far, float blur, const Image& image, Ints shown) const {
         const float center_x = image.center_x, center_y = image.center_y;
-        const float p = RAY_ORIGINS ? image.tree->origins.max_p : 0.0f,
-                    q = RAY_ORIGINS ? image.tree->origins.max_q : 0.0f;
+        const float p = KIND == ORIGIN_RAYS ? image.tree->origins.max_p : 0.0f,
+                    q = KIND == ORIGIN_RAYS ? image.tree->origins.max_q : 0.0f;
         shown &= reach(0.0f, 0.0f, 1.0f) & reach(1.0f, 0.0f, center_x, p) &
                  reach(-1.0f, 0.0f, image.width - center_x, p) & reach(0.0f, 1.0f, center_y, q) &
                  reach(0.0f, -1.0f, image.height - center_y, q);
@@ -93,11 +98,12 @@ struct OrientedBoxes {
             term[i][0] = Points::minus(middle, half[i]);
             term[i][1] = Points::plus(middle, half[i]);
         }
-        return ScreenBounds::of(term, far, blur, image, shown);
+        return ScreenBounds::of<KIND>(term, far, blur, image, shown);
     }
 };
 
 // Visits of the movable objects that a view may see; their child is the object.
+template <RayKind KIND>
 struct Queue {
     Visit* visits;
     int* order;  // front to back
@@ -110,7 +116,7 @@ struct Queue {
     // Bounds of the objects from `first` on, one per lane.
     static inline ScreenBounds bounds(const View& view, const Image& image, int first, Ints active) {
         const OrientedBoxes boxes = OrientedBoxes::of(first, view.scene.movables.end_of(first) - 1 - first, view);
-        return boxes.bounds(view.camera.far, view.camera.blur, image, active);
+        return boxes.bounds<KIND>(view.camera.far, view.camera.blur, image, active);
     }
     // Find the bounds of one object; returns false if it is not in the image.
     static inline bool find(const View& view, const Image& image, int movable, Visit& found) {

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
+#include "cpu/lanes.h"
+
 // Number types of formulas that are compiled for one pixel and for 16 pixels at a time, as in shared/scalar.h: this
 // version holds 16 pixels.
 typedef Floats Real;

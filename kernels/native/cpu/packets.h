@@ -3,19 +3,24 @@
 //
 // Rendering of views and strips of views, the units of work.
 
+#pragma once
+
+#include "cpu/movables.h"
+#include "cpu/workers.h"
+
 // Memory of a traversal: the movable objects as the view sees them, and the stack of nodes.
 struct Traversal {
     Frame* frames;  // [movable], of those that are rendered
     Visit* visits;  // [movable]
     int* order;  // [movable]
-    Visit* stack;
+    Visit* stack;  // pending visits: at most all children of a node on every level
 
     static inline Traversal carve(Arena& arena, int movables, int levels) {
         Traversal traversal;
         traversal.frames = (Frame*)arena.take(movables * (long long)sizeof(Frame));
         traversal.visits = (Visit*)arena.take(movables * (long long)sizeof(Visit));
         traversal.order = arena.ints(movables);
-        traversal.stack = (Visit*)arena.take(Walk::stack_size(levels) * (long long)sizeof(Visit));
+        traversal.stack = (Visit*)arena.take((levels + 1LL) * LANES * (long long)sizeof(Visit));
         return traversal;
     }
 };
@@ -69,6 +74,7 @@ struct StripMemory {
     }
 };
 
+template <RayKind KIND>
 struct Packets {
     static inline void unit(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory, int unit,
                             Mode mode) {
@@ -78,7 +84,7 @@ struct Packets {
             Sparse::place(image, job.pixels + (long long)index * job.points * 2, job.points, job.center);
         else
             image.begin();
-        const View view = View::of(scene, job, scene.movables.of_view(index), job.pose_of(index));
+        const View view = View::of<KIND>(scene, job, scene.movables.of_view(index), job.pose_of(index));
         if (view.world.exists) render(view, image, memory.traversal, mode);
         // Two instantiations again: the one without movable objects, where `moving` is a constant, is faster.
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
@@ -111,14 +117,14 @@ struct Packets {
         const Movables& movables = view.scene.movables;
         if (bvh.root >= 0) {
             const Instance instance = {bvh.root, 0, bvh.owners, LANES};
-            Walk::traverse(bvh, instance, static_camera(view), image, traversal.stack, mode);
+            Walk<KIND>::traverse(bvh, instance, static_camera(view), image, traversal.stack, mode);
         }
         if (movables.count == 0) return;
-        Queue queue = {traversal.visits, traversal.order, 0};
+        Queue<KIND> queue = {traversal.visits, traversal.order, 0};
         queue.fill(view, image);
         for (int i = 0; i < queue.count; ++i) {
             const Visit& visit = queue.visits[queue.order[i]];
-            if (!Hidden::is(image, visit)) render_movable(view, image, traversal, visit, mode);
+            if (!is_hidden<KIND>(image, visit)) render_movable(view, image, traversal, visit, mode);
         }
     }
 
@@ -132,15 +138,15 @@ struct Packets {
         const Solid& solid = frame.solid;
         if (solid.kind != SOLID_NONE) {
             const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
-            if (RAY_TABLE)
+            if constexpr (KIND == TABLE_RAYS)
                 RayRaster::render_solid(solid, view, camera, image, visit, id, mode);
-            else
+            else if constexpr (KIND == PIXEL_RAYS)
                 Solids::render(solid, camera, image, view.job.center, visit, id, mode);
-            return;
+            return;  // scenes with solids do not use rays with distinct origins
         }
         const Ints owner = Lanes::all_ints(movables.object[movable]);
         const Instance instance = movables.instance(view.scene.bvh, movable, (const int*)&owner);
-        Walk::traverse(view.scene.bvh, instance, camera, image, traversal.stack, mode);
+        Walk<KIND>::traverse(view.scene.bvh, instance, camera, image, traversal.stack, mode);
     }
 
     static inline Camera static_camera(const View& view) {
@@ -162,13 +168,13 @@ struct Packets {
         __builtin_memcpy(frame.axis, object.axis, sizeof object.axis);
         __builtin_memcpy(frame.viewpoint, local.position, sizeof local.position);
         frame.shrink[0] = frame.shrink[1] = frame.shrink[2] = 1.0;
-        Camera camera = Camera::of(local, view.job);
+        Camera camera = Camera::of<KIND>(local, view.job);
         const float* box = movables.boxes + (long long)movable * BOX_WORDS;
         const bool in_box = local.inside(box, stretch, view.job.clip_reach);
         const bool clipped = view.job.clip_reach > 0.0f && in_box;
         frame.solid = clipped ? Solid::none() : movables.solid_of(movable, view.world, camera);
         if (view.world.sizes && frame.solid.kind == SOLID_NONE) {
-            camera = Camera::of(local, stretch, view.job);
+            camera = Camera::of<KIND>(local, stretch, view.job);
             __builtin_memcpy(frame.viewpoint, camera.exact_origin, sizeof camera.exact_origin);
             for (int k = 0; k < 3; ++k) frame.shrink[k] = 1.0 / stretch.factor[k];
         }
@@ -195,5 +201,37 @@ struct Packets {
         else
             work(scene, job, out, memory, counter, MODE_DEPTH);
         Workers::finish(counter);
+    }
+};
+
+// The work of one thread of a launch.
+struct Launch {
+    // Run a worker, given the job of its call as a struct of Python: `carve` takes the worker's memory from an arena,
+    // and `run` uses it. Without memory, measure how many bytes a worker needs.
+    template <class CallJob, class Carve, class Run>
+    static inline void worker(const CallJob& job, Carve carve, Run run) {
+        if (!job.scratch.data) {
+            Arena measured = Arena::at(nullptr);
+            carve(measured);
+            job.scratch_bytes.data[0] = measured.used;
+            return;
+        }
+        const int worker = Workers::enter(job.counter.data);
+        Arena arena = Arena::at((char*)job.scratch.data + (long long)worker * job.scratch.strides[0]);
+        run(carve(arena));
+    }
+
+    // See kernels/casting/packets.py.
+    template <class PacketCall, class Outputs>
+    static inline void packets(const PacketCall& call, const Outputs& images) {
+        const Scene scene = Scene::of(call.scene, call.worlds);
+        const Job job = Job::of(call.job, call.poses);
+        const Images out = images_of(images, call.scene);
+        worker(
+            call.job,
+            [&](Arena& arena) { return StripMemory::carve(arena, job, scene.movables.count, call.scene.levels); },
+            [&](const StripMemory& memory) {
+                Packets<PIXEL_RAYS>::run(scene, job, out, memory, call.job.counter.data);
+            });
     }
 };

@@ -3,6 +3,10 @@
 //
 // Depth test of one pixel and one triangle, and evaluation in double precision.
 
+#pragma once
+
+#include "cpu/setup.h"
+
 struct Pixels {
     static inline int id_of(const Triangles& triangles, int lane, Mode mode) {
         if (mode == MODE_DEPTH) return 0;

@@ -3,6 +3,10 @@
 //
 // First pass of points.h: points are projected, chunk by chunk, and binned by rows of tiles.
 
+#pragma once
+
+#include "cpu/packets.h"
+
 // A point in view and in range.
 struct ProjectedPoint {
     float u, v, inv_z;

@@ -8,6 +8,10 @@
 // the greatest inv_z that does not occlude its point, as if a surface had been rasterized there: the traversal skips
 // geometry behind all points of a cell, and the first nearer surface settles a lane.
 
+#pragma once
+
+#include "cpu/point_bins.h"
+
 // Second pass: a strip of the image is rasterized.
 struct PointStrip {
     // The packets of a strip are stored after the greatest possible number of packets of the strips before it.
@@ -135,12 +139,12 @@ struct PointStrip {
         const World world = work.scene.movables.of_view(view_index);
         if (!world.exists || !work.bins.count(points.chunks(), first, end < rows ? end : rows)) return;
         const long long before = (long long)batch * points.batch;
-        const View view = View::of(work.scene, work.job, world, work.job.pose_of(view_index));
+        const View view = View::of<PIXEL_RAYS>(work.scene, work.job, world, work.job.pose_of(view_index));
         const double* focal = work.job.focal;
         const ExactOcclusion occlusion = {points.place + before * 3, view.pose, {focal[0], focal[1]}, points.tolerance};
         const Image image = image_of(work, number, memory, occlusion);
         place(work, image, memory);
-        Packets::render(view, image, memory.traversal, MODE_OBJECTS);
+        Packets<PIXEL_RAYS>::render(view, image, memory.traversal, MODE_OBJECTS);
         write(image, points, (long long)view_index * points.count + before);
     }
 };
@@ -195,5 +199,32 @@ struct PointPackets {
             next = __atomic_load_n(counter + COUNTER_NEXT_UNIT, __ATOMIC_RELAXED);
         }
         Workers::finish(counter);
+    }
+};
+
+struct PointLaunch {
+    // Run a worker, given the job of its call as a struct of Python; see kernels/visibility/point_packets.py.
+    template <class CallJob>
+    static inline void judge(const CallJob& from, const Scene& scene, int levels, const Job& job,
+                             const PointJob& points) {
+        const int tiles_x = Grid::tiles(job.width), tiles_y = Grid::tiles(job.height);
+        if (!from.bins.data) {
+            Arena bins = Arena::at(nullptr), scratch = Arena::at(nullptr);
+            PointBins::carve(bins, points, tiles_x, tiles_y);
+            PointMemory::carve(scratch, points, tiles_x, scene.movables.count, levels);
+            from.bytes.data[0] = bins.used;
+            from.bytes.data[1] = scratch.used;
+            return;
+        }
+        Workers::enter(from.counter.data);
+        const int slot = Workers::take_memory(from.taken.data);
+        const long long bins_row = points.views_are_units ? slot : 0;
+        Arena shared = Arena::at((char*)from.bins.data + bins_row * from.bins.strides[0]);
+        Arena own = Arena::at((char*)from.scratch.data + slot * (long long)from.scratch.strides[0]);
+        const PointBins bins = PointBins::carve(shared, points, tiles_x, tiles_y);
+        const PointMemory memory = PointMemory::carve(own, points, tiles_x, scene.movables.count, levels);
+        const PointWork work = {scene, job, points, bins};
+        PointPackets::of(work, memory).run(from.counter.data);
+        Workers::give_back_memory(from.taken.data, slot);
     }
 };

@@ -4,6 +4,10 @@
 // Rasterization of a leaf's triangles: small ones one pixel of each at a time, large ones block by block, slivers row
 // by row.
 
+#pragma once
+
+#include "cpu/pixels.h"
+
 // Least ratio of inv_z in a block to the slope of the plane for which sums in single precision suffice.
 constexpr float STEEPEST = 0.1f;
 

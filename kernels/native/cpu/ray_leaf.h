@@ -3,6 +3,10 @@
 //
 // Bounds of a leaf's triangles, for tests against the rays of a tile or of its packets.
 
+#pragma once
+
+#include "cpu/solids.h"
+
 // A leaf's triangles and their bounding rectangles.
 struct RayLeaf {
     const Triangles& triangles;

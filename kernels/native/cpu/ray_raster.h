@@ -5,6 +5,11 @@
 // method: a triangle and a ray are intersected by the same sums, whether for many rays of one triangle or many
 // triangles of one ray.
 
+#pragma once
+
+#include "cpu/ray_leaf.h"
+#include "cpu/worlds.h"
+
 struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };

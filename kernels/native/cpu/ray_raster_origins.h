@@ -10,6 +10,11 @@
 // well above 0 for the whole bundle, a ray may see the other side of the plane than the eye does: such triangles are
 // tested in double precision, ray by ray.
 
+#pragma once
+
+#include "cpu/ray_leaf.h"
+#include "cpu/worlds.h"
+
 // Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
 struct RayLanes {
     Floats u, v, p, q, w;
@@ -161,7 +166,7 @@ struct ExactRays {
     }
 };
 
-struct RayRaster {
+struct OriginRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
@@ -330,7 +335,6 @@ struct RayRaster {
         const Triangles& t = leaf.triangles;
         Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
         if (__builtin_expect((leaf.uncertain_side >> k) & 1, 0)) {
-            const ExactRays exactly = {camera, tree, t};
             for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1)
                 put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(remaining), false, 0.0f, mode);
             return;
@@ -362,7 +366,4 @@ struct RayRaster {
     static inline Doubles exact_v(const RayTree& tree, int packet) {
         return wide(tree.v, packet) + wide(tree.rest_v, packet);
     }
-
-    // Scenes with solids do not use rays with distinct origins.
-    static inline void render_solid(const Solid&, const View&, const Camera&, const Image&, const Visit&, int, Mode) {}
 };

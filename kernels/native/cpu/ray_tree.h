@@ -6,6 +6,10 @@
 // and groups those of a bundle, which is rendered as a separate image: the bounds of all children of one parent fill
 // one register per coordinate. The blocks of the image are these packets, and its tiles are these tiles.
 
+#pragma once
+
+#include "cpu/image.h"
+
 // A rectangle in the image, in u and v.
 struct RayBox {
     float u0, v0, u1, v1;
@@ -67,7 +71,28 @@ struct RayTree {
     const int* corner;  // [tile]: first pixel, if a tile is a tile of the image and its packets are the blocks; else -1
     const RayFit* fit;  // [tile]
     float clip_inv_z;  // in terms of depth: nearer surfaces are clipped
-    RayOrigins origins;  // if RAY_ORIGINS
+    RayOrigins origins;  // only for ORIGIN_RAYS
+
+    // The tree of a `RayBundles` of kernels/casting/ray_bundle_packets.py.
+    template <class RayBundles>
+    static inline RayTree of(const RayBundles& rays, float clip_inv_z) {
+        return RayTree{.group_bounds = rays.group_bounds.data,
+                       .tile_bounds = rays.tile_bounds.data,
+                       .packet_bounds = rays.packet_bounds.data,
+                       .u = rays.u.data,
+                       .v = rays.v.data,
+                       .rest_u = rays.rest_u.data,
+                       .rest_v = rays.rest_v.data,
+                       .row_u = rays.row_u.data,
+                       .row_v = rays.row_v.data,
+                       .scale = rays.scale.data,
+                       .place = rays.place.data,
+                       .run = rays.run.data,
+                       .corner = rays.corner.data,
+                       .fit = (const RayFit*)rays.fit.data,
+                       .clip_inv_z = clip_inv_z,
+                       .origins = {}};
+    }
 
     // Load 4 x 4 rays from rows of `width` rays.
     static inline Floats window(const float* first, int width) {
@@ -162,9 +187,8 @@ struct RayTree {
 };
 
 // Whether a visit is occluded.
-struct Hidden {
-    static inline bool is(const Image& image, const Visit& visit) {
-        if (RAY_TABLE) return image.tree->hides(image, visit);
-        return image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z);
-    }
-};
+template <RayKind KIND>
+static inline bool is_hidden(const Image& image, const Visit& visit) {
+    if constexpr (KIND != PIXEL_RAYS) return image.tree->hides(image, visit);
+    return image.hides(visit.x0, visit.y0, visit.x1, visit.y1, visit.nearest_inv_z);
+}

@@ -4,6 +4,11 @@
 // Rendering of images at the places of a map, in units of trees: each is rendered like a bundle of a ray table
 // (table.h).
 
+#pragma once
+
+#include "cpu/remap_tree.h"
+#include "cpu/table.h"
+
 // A worker's memory.
 struct RemapMemory {
     TableMemory table;
@@ -58,17 +63,18 @@ struct RemapPackets {
         const RayTree tree = memory.tree.as_ray_tree(remap.clip_inv_z);
         const Image image = memory.table.image_of(job, tree);
         const Pose pose = Pose::from(remap.poses + (long long)index * POSE_WORDS);
-        const View view = View::of(scene, job, scene.movables.of_view(index), pose);
-        if (has_places && view.world.exists) Packets::render(view, image, memory.table.traversal, mode);
+        const View view = View::of<TABLE_RAYS>(scene, job, scene.movables.of_view(index), pose);
+        if (has_places && view.world.exists) Packets<TABLE_RAYS>::render(view, image, memory.table.traversal, mode);
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         const Lookup lookup = Lookup::of(scene, memory.table.traversal.frames, view.pose.position, moving);
         const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
         const TableJob table = table_of(remap);
-        write(TableWriter{writer, table, tree, (long long)index * remap.rows * remap.columns}, remap, part,
+        write(TableWriter<TABLE_RAYS>{writer, table, tree, (long long)index * remap.rows * remap.columns}, remap, part,
               memory.tree);
     }
 
-    static inline void write(TableWriter writer, const RemapJob& remap, const RemapPart& part, const RemapTree& tree) {
+    static inline void write(TableWriter<TABLE_RAYS> writer, const RemapJob& remap, const RemapPart& part,
+                             const RemapTree& tree) {
         const Images& out = writer.writer.out;
         const bool depth_only = writer.writer.mode == MODE_DEPTH && out.depth && !out.points;
         for (int index = 0; index < remap.across() * remap.down() * LANES; ++index) {
@@ -100,5 +106,19 @@ struct RemapPackets {
         else
             work(scene, remap, out, memory, counter, MODE_DEPTH);
         Workers::finish(counter);
+    }
+};
+
+struct RemapLaunch : Launch {
+    // See kernels/casting/remap_packets.py.
+    template <class RemapCall, class Outputs>
+    static inline void remap(const RemapCall& call, const Outputs& images) {
+        const Scene scene = Scene::of(call.scene, call.worlds);
+        const RemapJob job = RemapJob::of(call.job, call.poses);
+        const Images out = images_of(images, call.scene);
+        worker(
+            call.job,
+            [&](Arena& arena) { return RemapMemory::carve(arena, job, scene.movables.count, call.scene.levels); },
+            [&](const RemapMemory& memory) { RemapPackets::run(scene, job, out, memory, call.job.counter.data); });
     }
 };

@@ -5,6 +5,11 @@
 // 16 x 16 pixels and groups 64 x 64, so that neighbors in the map are traversed together, wherever they are in the
 // image.
 
+#pragma once
+
+#include "cpu/remap_map.h"
+#include "cpu/solids.h"
+
 // Minima of several registers at once.
 struct MinLanes {
     // Lane k of the result is the minimum of r[k]; overwrites the 16 registers.

@@ -3,6 +3,11 @@
 //
 // Triangle setup: the values of a leaf's triangles in the image, one triangle per lane.
 
+#pragma once
+
+#include "cpu/bvh.h"
+#include "cpu/camera.h"
+
 // A value that is linear in u and v, for each lane's triangle.
 struct Linear {
     Floats u, v, one;
@@ -28,7 +33,7 @@ struct Triangles {
     Ints shown;  // lanes that may cover a pixel
     Ints x0, x1, y0, y1;  // pixels of the strip whose centers may be inside
     Ints view_y0, view_y1;  // the same rows of the whole view
-    // Only if RAY_ORIGINS:
+    // Only for ORIGIN_RAYS:
     Points side[3];  // twice the edges, with the sign of the edge functions
     Ints uncertain_side;  // lanes of triangles of which rays may see another side than the eye does, or nearly so
     Floats place[4];  // least u and v, greatest u and v of rays from the eye
@@ -96,6 +101,7 @@ struct Setup {
     }
 
     // Set up a leaf; returns false if no lane can be visible: all face away, or none reaches a pixel center.
+    template <RayKind KIND>
     static inline bool leaf(const Camera& camera, const Image& image, Triangles& out) {
         const float* p = out.corners;
         Points c[3];
@@ -118,7 +124,8 @@ struct Setup {
             shown &= volume < Lanes::all(0.0f);
         else if (camera.skip_back_faces)
             shown &= (volume < Lanes::all(0.0f)) | (Lanes::load(out.owners) >= Lanes::all_ints(0));
-        if (RAY_ORIGINS) shown |= find_uncertain_sides(image.tree->origins, normal, volume, volume_error, out);
+        if constexpr (KIND == ORIGIN_RAYS)
+            shown |= find_uncertain_sides(image.tree->origins, normal, volume, volume_error, out);
         if (camera.excluded) shown &= ~excluded_lanes(camera.excluded, out.owners);
         if (!Lanes::any(shown)) return false;
 
@@ -128,15 +135,16 @@ struct Setup {
         const Ints crossing = zmin <= 1e-6f * zmax + Lanes::all(1e-30f);
         out.shown = shown & (zmax > none);
         Box box;
-        if (!bound(image, c, inverse, crossing, out, box)) return false;
-        if (RAY_ORIGINS) set_sides(c, volume, out);
+        if (!bound<KIND>(image, c, inverse, crossing, out, box)) return false;
+        if constexpr (KIND == ORIGIN_RAYS) set_sides(c, volume, out);
 
         const Floats sign = volume < none ? -one : one;
         out.edge[0] = edge(c[1], c[2], sign);
         out.edge[1] = edge(c[2], c[0], sign);
         out.edge[2] = edge(c[0], c[1], sign);
         out.error_bound = rounded * (extent + (EDGE_MARGIN * camera.per_extent) * distance);
-        if (RAY_ORIGINS) out.error_bound += moment_error_bound(camera, image.tree->origins) * (distance + extent);
+        if constexpr (KIND == ORIGIN_RAYS)
+            out.error_bound += moment_error_bound(camera, image.tree->origins) * (distance + extent);
         const Floats scale = one / volume;
         out.inv_z = Linear{normal.x * scale, normal.y * scale, normal.z * scale};
         out.min_inv_z = crossing ? one / zmax : Lanes::min(inverse[0], inverse[1], inverse[2]);
@@ -171,6 +179,7 @@ struct Setup {
     }
 
     // Compute bounds in pixels, with a margin for rounding; returns false if no lane can be visible.
+    template <RayKind KIND>
     static inline bool bound(const Image& image, const Points* c, const Floats* inverse, Ints crossing, Triangles& out,
                              Box& box) {
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
@@ -187,7 +196,7 @@ struct Setup {
         Floats right = u1 + (image.center_x - 0.5f + slack);
         Floats top = v0 + (image.center_y - 0.5f - slack);
         Floats bottom = v1 + (image.center_y - 0.5f + slack);
-        if (RAY_ORIGINS) {
+        if constexpr (KIND == ORIGIN_RAYS) {
             const Floats nearest = Lanes::max(inverse[0], inverse[1], inverse[2]), all = Lanes::all(1e30f);
             const Floats aside = image.tree->origins.max_p * nearest, along = image.tree->origins.max_q * nearest;
             left -= aside, right += aside, top -= along, bottom += along;

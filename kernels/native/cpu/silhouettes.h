@@ -4,6 +4,10 @@
 // Visible fractions of objects: each object is rasterized in isolation, on the part of the canvas that its box may
 // cover, and compared block by block with an image of all objects. kernels/visibility/silhouettes.py does so with rays.
 
+#pragma once
+
+#include "cpu/packets.h"
+
 struct SilhouetteJob {
     int count;  // of chosen objects
     const int* chosen;  // object indices
@@ -300,18 +304,19 @@ struct Silhouettes {
         canvas_image.set_size(canvas.width, canvas.height, 0, canvas.height);
         canvas_image.set_center(canvas.center);
         Visit visit;
-        if (!Queue::find(View::of(scene, canvas, world, pose), canvas_image, index, visit)) return;
+        if (!Queue<PIXEL_RAYS>::find(View::of<PIXEL_RAYS>(scene, canvas, world, pose), canvas_image, index, visit))
+            return;
         // Use whole tiles: pixels beyond the canvas are rasterized, but not counted.
         const int x0 = edge[0] + visit.x0, y0 = edge[1] + visit.y0;
         const int tiles_x = Grid::tiles(visit.x1 - visit.x0 + 1), tiles_y = Grid::tiles(visit.y1 - visit.y0 + 1);
         const int width = tiles_x * TILE_SIDE, height = tiles_y * TILE_SIDE;
         const Job part = part_of(job, x0, y0, x0 + width, y0 + height);
-        const View part_view = View::of(scene, part, world, pose);
+        const View part_view = View::of<PIXEL_RAYS>(scene, part, world, pose);
         const int step = memory.tiles / tiles_x * TILE_SIDE;
         for (int row = 0; row < height; row += step) {
             const Image image = memory.rows_of(part, row, height - row < step ? height - row : step);
-            if (Queue::find(part_view, image, index, visit))
-                Packets::render_movable(part_view, image, memory.traversal, visit, MODE_DEPTH);
+            if (Queue<PIXEL_RAYS>::find(part_view, image, index, visit))
+                Packets<PIXEL_RAYS>::render_movable(part_view, image, memory.traversal, visit, MODE_DEPTH);
             const Comparison comparison = {request, job, edge, view, place, index, x0, y0 + row};
             comparison.count(image, counts);
         }
@@ -322,5 +327,16 @@ struct Silhouettes {
         const int units = job.views * request.count;
         for (int next; (next = Workers::take(counter)) < units;) unit(next);
         Workers::finish(counter);
+    }
+};
+
+struct SilhouetteLaunch : Launch {
+    // Run a worker, given the job of its call as a struct of Python; see kernels/visibility/silhouette_packets.py.
+    template <class CallJob>
+    static inline void measure(const CallJob& from, const Scene& scene, int levels, const Job& job,
+                               const SilhouetteJob& request) {
+        worker(
+            from, [&](Arena& arena) { return SilhouetteMemory::carve(arena, request, scene.movables.count, levels); },
+            [&](const SilhouetteMemory& memory) { Silhouettes{scene, job, request, memory}.run(from.counter.data); });
     }
 };

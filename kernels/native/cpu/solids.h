@@ -9,6 +9,10 @@
 // center and perpendicular to it: then inv_z (w here) solves C w^2 - 2 sqrt(C + 1) p w + p^2 + s^2 = 0. The same holds
 // for a cylinder, without the z coordinate.
 
+#pragma once
+
+#include "cpu/raster.h"
+
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
 // Points in double precision, one per lane.

@@ -5,6 +5,10 @@
 // that hold the points inside them, in packets of LANES points, each with its own u and v. A cell without points
 // occludes everything, so that the traversal skips geometry that no point can see.
 
+#pragma once
+
+#include "cpu/output.h"
+
 // Occlusion of world points in double precision, for cases that single precision cannot decide.
 struct ExactOcclusion {
     const float* place;  // [point]: x y z

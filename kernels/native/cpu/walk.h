@@ -3,6 +3,12 @@
 //
 // Traversal of the BVH front to back, with frustum culling and occlusion culling by the hierarchical z-buffer.
 
+#pragma once
+
+#include "cpu/ray_raster.h"
+#include "cpu/ray_raster_origins.h"
+#include "cpu/sparse.h"
+
 // Greater than every inv_z: sorts lanes that are not shown to the end, where the nearest one is.
 constexpr float BEHIND_ALL = 3.2e38f;
 
@@ -12,6 +18,7 @@ struct ScreenBounds {
     Ints shown;
 
     // The boxes' corners in camera space are given as sums of one term per axis.
+    template <RayKind KIND>
     static inline ScreenBounds of(const Points (*term)[2], float far, float blur, const Image& image, Ints shown) {
         Floats zmin = Lanes::all(0.0f), size = Lanes::all(0.0f);
         for (int axis = 0; axis < 3; ++axis) {
@@ -30,7 +37,7 @@ struct ScreenBounds {
             slack = BOX_SLACK + BOX_SLACK_BLURS * blur;
         }
         Floats left = bounds.left, right = bounds.right, top = bounds.top, bottom = bounds.bottom;
-        if (RAY_ORIGINS) {
+        if constexpr (KIND == ORIGIN_RAYS) {
             const Floats nearest = 1.0f / (crossing ? Lanes::all(1.0f) : zmin);
             const Floats aside = image.tree->origins.max_p * nearest, along = image.tree->origins.max_q * nearest;
             left -= aside, right += aside, top -= along, bottom += along;
@@ -101,6 +108,7 @@ struct ScreenBounds {
     }
 };
 
+template <RayKind KIND>
 struct Walk {
     static inline Floats farthest_along(const float* plane, Points low, Points high) {
         return Lanes::max(plane[0] * low.x, plane[0] * high.x) +
@@ -118,7 +126,7 @@ struct Walk {
             Points{row(node, CONE_AXIS_ROW), row(node, CONE_AXIS_ROW + 1), row(node, CONE_AXIS_ROW + 2)};
         const Floats distance = __builtin_elementwise_sqrt(Points::dot(to_center, to_center));
         Floats radius = __builtin_elementwise_sqrt(Points::dot(half, half));
-        if (RAY_ORIGINS) radius += 2.0f * aside;
+        if constexpr (KIND == ORIGIN_RAYS) radius += 2.0f * aside;
         return Points::dot(to_center, axis) >= row(node, CONE_CUTOFF_ROW) * distance + 1.0001f * radius;
     }
 
@@ -133,7 +141,7 @@ struct Walk {
         for (int p = 0; p < Frustum::PLANES; ++p)
             shown &= farthest_along(frustum.plane[p], low, high) >= Lanes::all(frustum.min_product[p]);
         if (camera.skip_back_faces)
-            shown &= ~faces_away(node, low, high, RAY_ORIGINS ? image.tree->origins.reach : 0.0f);
+            shown &= ~faces_away(node, low, high, KIND == ORIGIN_RAYS ? image.tree->origins.reach : 0.0f);
         if (!Lanes::any(shown)) return 0;
 
         // The eight corners in camera space, as sums of one term per axis.
@@ -147,7 +155,7 @@ struct Walk {
                 Points{m[0][2] * corner.z - camera.origin_error[0], m[1][2] * corner.z - camera.origin_error[1],
                        m[2][2] * corner.z - camera.origin_error[2]};
         }
-        const ScreenBounds bounds = ScreenBounds::of(term, camera.far, camera.blur, image, shown);
+        const ScreenBounds bounds = ScreenBounds::of<KIND>(term, camera.far, camera.blur, image, shown);
         const unsigned found = Lanes::bits(bounds.shown);
         int place[LANES];
         Lanes::store(place, places(bounds.shown ? bounds.nearest_inv_z : Lanes::all(BEHIND_ALL)));
@@ -178,7 +186,8 @@ struct Walk {
         if (children[0] >= 0 || children[1] != 0) return 0;
         // Infinitely near: nothing occludes it. Ray tables read the visit's rectangle, which must cover the whole
         // image.
-        const int right = RAY_TABLE ? image.width - 1 : 0, bottom = RAY_TABLE ? image.height - 1 : 0;
+        const bool whole = KIND != PIXEL_RAYS;
+        const int right = whole ? image.width - 1 : 0, bottom = whole ? image.height - 1 : 0;
         stack[0] = Visit{children[0], NOWHERE, 0, 0, right, bottom};
         return 1;
     }
@@ -188,9 +197,6 @@ struct Walk {
         const char* rows = (const char*)(child >= 0 ? bvh.node(child) : bvh.leaf(~child));
         for (int line = 0; line < LEAF_ROWS; ++line) __builtin_prefetch(rows + line * Arena::ALIGNMENT);
     }
-
-    // Greatest number of pending visits: all children of a node on every level.
-    static inline long long stack_size(int levels) { return (levels + 1LL) * LANES; }
 
     // Rasterize all that is visible. Two instantiations: the one without ids is faster.
     static inline void traverse(const Bvh& bvh, const Instance& instance, const Camera& camera, const Image& image,
@@ -212,13 +218,13 @@ struct Walk {
     static inline __attribute__((always_inline)) void traverse_all(const Bvh& bvh, const Instance& instance,
                                                                    const Camera& camera, const Image& image,
                                                                    Visit* stack, Mode mode) {
-        const Frustum frustum = Frustum::of(camera, image);
+        const Frustum frustum = Frustum::of<KIND>(camera, image);
         int depth = begin(bvh, image, instance.root, stack);
         if (depth == 0) depth = open(bvh, camera, frustum, image, instance.root, stack);
         while (depth > 0) {
             const Visit visit = stack[--depth];
             if (depth > 0) fetch(bvh, stack[depth - 1].child);
-            if (Hidden::is(image, visit)) continue;
+            if (is_hidden<KIND>(image, visit)) continue;
             if (visit.child >= 0) {
                 depth += open(bvh, camera, frustum, image, visit.child, stack + depth);
                 continue;
@@ -228,8 +234,10 @@ struct Walk {
             triangles.corners = bvh.leaf(leaf);
             triangles.owners = instance.owners + leaf * instance.owner_step;
             triangles.first_id = (int)leaf * LANES + instance.first_id;
-            if (!Setup::leaf(camera, image, triangles)) continue;
-            if (RAY_TABLE)
+            if (!Setup::leaf<KIND>(camera, image, triangles)) continue;
+            if constexpr (KIND == ORIGIN_RAYS)
+                OriginRaster::rasterize(camera, image, triangles, visit, mode);
+            else if constexpr (KIND == TABLE_RAYS)
                 RayRaster::rasterize(camera, image, triangles, visit, mode);
             else if (image.first_packet)
                 Sparse::rasterize(camera, image, triangles,

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
+#include "shared/constants.h"
+
 // Shared counters of the workers of a job. No worker waits long, because it may occupy a core that another one needs;
 // the thread that launched them reads from the counters how much is left to do, and sleeps.
 struct Workers {

@@ -4,6 +4,10 @@
 // The geometry of a scene: static triangles and movable objects, their poses in a view's world, and the owners of
 // triangles.
 
+#pragma once
+
+#include "cpu/solids.h"
+
 // An object's axes in the world and the camera in its frame, as needed for normals.
 struct Frame {
     double axis[3][3], viewpoint[3];
@@ -113,6 +117,43 @@ struct Scene {
     Bvh bvh;  // of static geometry, and of each mesh of movable objects
     Movables movables;
 
+    // The scene of a `BvhScene` of kernels/casting/packets.py and a `Worlds` of kernels/casting/worlds.py.
+    template <class BvhScene, class Worlds>
+    static inline Scene of(const BvhScene& scene, const Worlds& worlds) {
+        static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
+                          sizeof(*scene.movable_size.data) == SOLID_WORDS * sizeof(float),
+                      "poses and solids are read as rows of numbers");
+        return Scene{.bvh = {.leaves = scene.leaves.data,
+                             .owners = scene.owners.data,
+                             .nodes = scene.nodes.data,
+                             .children = scene.children.data,
+                             .root = scene.static_root,
+                             .all_closed = scene.all_closed != 0,
+                             .closed_boxes = scene.closed_boxes.data,
+                             .closed_object = scene.closed_object.data,
+                             .closed_count = scene.closed_count},
+                     .movables = {.count = scene.drawn_count,
+                                  .moving = scene.movable_count,
+                                  .object = scene.movable_object.data,
+                                  .root = scene.movable_root.data,
+                                  .first_leaf = scene.movable_leaf.data,
+                                  .first_id = scene.movable_first_id.data,
+                                  .closed = scene.movable_closed.data,
+                                  .boxes = scene.movable_boxes.data,
+                                  .solid = scene.movable_solid.data,
+                                  .size = (const float*)scene.movable_size.data,
+                                  .instance_poses = (const float*)scene.instance_pose.data,
+                                  .poses = (const float*)worlds.object_poses.data,
+                                  .sizes = (const float*)worlds.object_sizes.data,
+                                  .worlds = worlds.object_poses.shape[0],
+                                  .world = worlds.world.data,
+                                  .excluded = worlds.excluded.data,
+                                  .excluded_views = worlds.excluded.shape[0],
+                                  .objects = scene.object_count,
+                                  .static_object = scene.static_object.data,
+                                  .static_count = scene.static_object.shape[0]}};
+    }
+
     // Whether a camera is outside the boxes of all closed static objects that are not excluded, and clips none of them,
     // so that their back faces are hidden by their front faces.
     inline bool outside_all(const World& world, const Pose& pose, float clip_reach) const {
@@ -132,8 +173,9 @@ struct View {
     Pose pose;
     Camera camera;  // in the world
 
+    template <RayKind KIND>
     static inline View of(const Scene& scene, const Job& job, const World& world, const Pose& pose) {
-        return View{scene, job, world, pose, Camera::of(pose, job)};
+        return View{scene, job, world, pose, Camera::of<KIND>(pose, job)};
     }
 };
 

@@ -4,6 +4,8 @@
 // Constants shared by C++ and Python, defined only here. scripts/generate_constants.py generates kernels/constants.py
 // from this file; it reads one NAME = NUMBER per line.
 
+#pragma once
+
 // Kinds of solids, whose analytic surface is intersected: `warpvis.scene.solids.SolidKind`.
 enum SolidKind {
     SOLID_NONE = 0,

@@ -8,6 +8,8 @@
 // magnitude is within its rounding error bound is evaluated in double precision from the corners as stored; a value
 // within the error bound of double precision counts as inside both triangles.
 
+#pragma once
+
 // Relative error bound of an edge function in single precision: a fraction of the product of the extent of the
 // triangle's corners and their distance from the camera, both in pixels times depth. The largest error among millions
 // of adversarial triangles was 0.81 of this bound.

@@ -1,6 +1,8 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
 // Output images of all views, [view][y][x]; null if not requested. Python: kernels/casting/images.py.
 struct Images {
     float* depth;

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
+#include "shared/stretch.h"
+
 // Pose of a camera or an object in the world, in double precision.
 struct Pose {
     double position[3];

@@ -1,6 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
+#pragma once
+
+#include "shared/constants.h"
+
 // Stretch of an object along its axes, in a world in which its size differs from the size it was built with. Its
 // triangles are rasterized in a frame divided by these factors, in which their coordinates are unchanged; ray
 // parameters are the same in both frames.

@@ -1,8 +1,10 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Replacement of cpu/arena.h with the same interface: memory between pieces is poisoned, so that the address sanitizer
+// Replacement of kernels/native/cpu/arena.h with the same interface: memory between pieces is poisoned, so that the address sanitizer
 // detects accesses beyond a piece of the same allocation.
+
+#pragma once
 
 struct Arena {
     enum { ALIGNMENT = 64, GUARD = 64 };

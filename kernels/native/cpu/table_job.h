@@ -1,0 +1,162 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Bundles of a ray table, and the memory to render them.
+
+#pragma once
+
+#include "cpu/packets.h"
+
+// A bundle: its right, down and forward axes in the camera frame. Axes are 0, 1, 2 for x, y, z; the complement is the
+// opposite direction.
+struct Bundle {
+    int first_group, groups;
+    int axis[3];
+    int width, height;  // in pixels of the bundle
+    int center[2];
+
+    inline Pose face(const Pose& camera) const {
+        Pose pose = camera;
+        for (int i = 0; i < 3; ++i) {
+            const int source = axis[i] < 0 ? ~axis[i] : axis[i];
+            for (int k = 0; k < 3; ++k)
+                pose.axis[i][k] = axis[i] < 0 ? -camera.axis[source][k] : camera.axis[source][k];
+        }
+        return pose;
+    }
+};
+
+struct TableJob {
+    int views, height, width;
+    int bundles;
+    const Bundle* bundle;
+    const float* bundle_far;  // greatest z of rays that are in range
+    double focal;
+    float near, far, clip_inv_z, clip_reach;
+    bool cull_back_faces;
+    const float* poses;  // [view]: x y z qx qy qz qw
+    RayTree tree;  // of all bundles
+    const int* without_ray;  // pixel indices
+    int without_rays;
+    int max_groups;  // of any bundle
+    const double* eye;  // [bundle]: its position in the bundle's frame; null if it is the camera's
+    const float* origins;  // [bundle]: max_p, max_q and reach of its `RayOrigins`
+
+    // The job of a `TableCall` of kernels/casting/ray_bundle_packets.py.
+    template <class TableCall>
+    static inline TableJob of(const TableCall& call) {
+        const auto& job = call.job;
+        const auto& rays = call.rays;
+        return TableJob{.views = job.views,
+                        .height = job.height,
+                        .width = job.width,
+                        .bundles = rays.bundle.shape[0],
+                        .bundle = (const Bundle*)rays.bundle.data,
+                        .bundle_far = job.bundle_far.data,
+                        .focal = rays.focal,
+                        .near = job.near,
+                        .far = job.far,
+                        .clip_inv_z = job.clip_inv_z,
+                        .clip_reach = job.clip_reach,
+                        .cull_back_faces = job.cull_backfaces != 0,
+                        .poses = (const float*)call.poses.data,
+                        .tree = RayTree::of(rays, job.clip_inv_z),
+                        .without_ray = rays.without_ray.data,
+                        .without_rays = rays.without_ray.shape[0],
+                        .max_groups = rays.max_groups,
+                        .eye = nullptr,
+                        .origins = nullptr};
+    }
+    // Set the origins of rays to a `RayOrigins` of kernels/casting/ray_origin_packets.py.
+    template <class CallOrigins>
+    inline void set_origins(const CallOrigins& rays) {
+        eye = rays.eye.data;
+        origins = rays.maxima.data;
+        tree.origins.p = rays.p.data;
+        tree.origins.q = rays.q.data;
+        tree.origins.begin = rays.begin.data;
+        tree.origins.clip_inv_z = rays.clip_inv_z.data;
+        tree.origins.row_p = rays.row_p.data;
+        tree.origins.row_q = rays.row_q.data;
+        tree.origins.range = rays.range.data;
+    }
+
+    // The bundle as a job of a pinhole camera.
+    inline Job job_of(int index) const {
+        const Bundle& source = bundle[index];
+        Job job = Job();
+        job.views = views;
+        job.width = source.width;
+        job.height = source.height;
+        job.focal[0] = job.focal[1] = focal;
+        job.center[0] = source.center[0];
+        job.center[1] = source.center[1];
+        job.near = near;
+        job.far = bundle_far[index];
+        job.clip_inv_z = clip_inv_z;
+        job.clip_reach = clip_reach;
+        job.cull_back_faces = cull_back_faces;
+        // Rays begin up to this far from the eye: boxes within that distance may contain their origins.
+        if (eye) job.clip_reach += origins[3 * index + 2];
+        return job;
+    }
+    inline RayTree tree_of(int index) const {
+        const int group = bundle[index].first_group, rows = RayTree::BOUND_ROWS * LANES, tile = group * LANES;
+        const long long ray = (long long)tile * LANES * LANES;
+        RayTree part = tree;
+        part.group_bounds += (long long)index * rows;
+        part.tile_bounds += (long long)group * rows;
+        part.packet_bounds += (long long)tile * rows;
+        part.u += ray, part.v += ray, part.rest_u += ray, part.rest_v += ray, part.place += ray;
+        part.run += (long long)tile * LANES;
+        part.row_u += ray, part.row_v += ray;
+        part.corner += tile;
+        part.fit += tile;
+        if (part.scale) part.scale += ray;
+        if (eye) {
+            RayOrigins& rays = part.origins;
+            rays.p += ray, rays.q += ray, rays.begin += ray, rays.clip_inv_z += ray;
+            rays.row_p += ray, rays.row_q += ray;
+            rays.range += tile * RayOrigins::RANGE_WORDS;
+            rays.max_p = origins[3 * index], rays.max_q = origins[3 * index + 1], rays.reach = origins[3 * index + 2];
+        }
+        return part;
+    }
+    // The pose of the bundle's pinhole camera, at its eye.
+    inline Pose face_of(int index, const Pose& camera) const {
+        Pose pose = bundle[index].face(camera);
+        for (int i = 0; eye && i < 3; ++i)
+            for (int k = 0; k < 3; ++k) pose.position[k] += eye[3 * index + i] * pose.axis[i][k];
+        return pose;
+    }
+};
+
+// A worker's memory.
+struct TableMemory {
+    Image image;
+    Traversal traversal;
+
+    static inline TableMemory carve(Arena& arena, const TableJob& job, int movables, int levels) {
+        TableMemory memory;
+        Image& image = memory.image;
+        const long long packets = (long long)job.max_groups * RayTree::GROUP_PACKETS;
+        image.empty = nullptr;
+        image.rows = nullptr;
+        image.id_rows = nullptr;
+        image.occlusion = nullptr;
+        image.clip_inv_z = __builtin_inff();
+        image.inv_z = arena.floats(packets * LANES);
+        image.id = arena.ints(packets * LANES);
+        image.take_blocks(arena, (long long)job.max_groups * LANES);
+        image.first_packet = image.id;  // not null: rays may pass through any point of a pixel
+        memory.traversal = Traversal::carve(arena, movables, levels);
+        return memory;
+    }
+    inline Image image_of(const Job& job, const RayTree& tree) const {
+        Image part = image;
+        part.set_size(job.width, job.height, 0, job.height);
+        part.set_center(job.center);
+        part.tree = &tree;
+        return part;
+    }
+};
