@@ -16,7 +16,7 @@ from gpu_work import timer_of
 from ratios import Contest, Workload
 
 import warpvis as wv
-from warpvis.scene.acceleration.bvh_cuda import DeviceMesh, build_device_bvh
+from warpvis.scene.acceleration.bvh_cuda import build_device_bvh
 from warpvis.scenes import terrain
 
 Mesh = tuple[np.ndarray, np.ndarray]
@@ -50,15 +50,17 @@ def refit_of(built: Callable[[wv.Scene], Any], scene: wv.Scene) -> Callable[[], 
 
 def builders_of_a_gpu(mesh: Mesh, device: wp.Device) -> dict[str, Callable[[], object]]:
     """Return builders for a mesh on a GPU by name."""
-    device_mesh = DeviceMesh.of(*mesh, np.zeros(len(mesh[1]), dtype=np.int32), np.array([True]), device)
-    indices = device_mesh.faces.flatten()
+    vertices = wp.array(mesh[0], dtype=wp.vec3, device=device)
+    faces = wp.array(mesh[1], dtype=wp.int32, device=device)
+    owner, closed = wp.zeros(len(faces), dtype=wp.int32, device=device), wp.ones(1, dtype=wp.uint8, device=device)
+    indices = faces.flatten()
 
     def build() -> None:
-        build_device_bvh(device_mesh, max_levels=8)
+        build_device_bvh(vertices, faces, owner, closed, device, max_levels=8)
         wp.synchronize_device(device)
 
     def build_warp(constructor: str) -> None:
-        wp.Mesh(device_mesh.vertices, indices, bvh_constructor=constructor)
+        wp.Mesh(vertices, indices, bvh_constructor=constructor)
         wp.synchronize_device(device)
 
     names = ("cubql", "lbvh")

@@ -28,7 +28,7 @@ MAX_LEVELS = 8
 
 def build(given, device="cpu", max_levels=MAX_LEVELS):
     arrays = given.vertices, given.faces, given.owner, given.closed
-    return bvh_cuda.build_device_bvh(bvh_cuda.DeviceMesh.of(*arrays, wp.get_device(device)), max_levels=max_levels)
+    return bvh_cuda.build_device_bvh(*arrays, wp.get_device(device), max_levels=max_levels)
 
 
 def areas(tree) -> tuple[float, float]:
@@ -99,11 +99,10 @@ def test_host_reads_level_counts_rarely(monkeypatch):
 
 
 def test_too_many_triangles_raise():
-    mesh = bvh_cuda.DeviceMesh(*(SimpleNamespace(device=None, __len__=None) for _ in range(4)))
     with pytest.raises(SceneError, match=r"at most 1 levels holds 1024 triangles, got 3000$"):
         arrays = CASES["soup"]()
-        mesh = bvh_cuda.DeviceMesh.of(arrays.vertices, arrays.faces, arrays.owner, arrays.closed, wp.get_device("cpu"))
-        bvh_cuda.build_device_bvh(mesh, max_levels=1)
+        given = arrays.vertices, arrays.faces, arrays.owner, arrays.closed
+        bvh_cuda.build_device_bvh(*given, wp.get_device("cpu"), max_levels=1)
 
 
 def exponents():

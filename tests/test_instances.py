@@ -12,6 +12,7 @@ import warp as wp
 import warpvis as wv
 from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.scene import solids
+from warpvis.scene._object import Instances
 from warpvis.scene.acceleration import traversal_plan
 
 from compare import assert_matches_reference
@@ -190,4 +191,4 @@ def test_100000_instances_use_little_memory():
     arrays = [getattr(struct, name) for name in names]
     assert sum(array.size * wp.types.type_size_in_bytes(array.dtype) for array in arrays) < 15e6
     assert scene.triangle_count == len(places) * len(mesh.faces)
-    assert all(isinstance(item, traversal_plan.Instances) for _, _, item in scene._objects.runs())
+    assert all(isinstance(item, Instances) for item in scene._objects._items)

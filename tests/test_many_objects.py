@@ -196,11 +196,11 @@ def test_invalid_instances_are_rejected(names, message):
 def test_instance_objects_are_created_lazily():
     scene, ball = wv.Scene(), trimesh.creation.icosphere(subdivisions=0)
     rows = grid(1000)
-    assert calls_of("placed", lambda: scene.add_instances(ball, rows, names="ball")) == 0
-    assert calls_of("placed", lambda: scene["ball_7"]) == 1
+    assert calls_of("make", lambda: scene.add_instances(ball, rows, names="ball")) == 0
+    assert calls_of("make", lambda: scene["ball_7"]) == 1
     np.testing.assert_allclose(scene["ball_7"].pose, rows[7], atol=1e-6)
     assert scene["ball_7"] is scene.objects[7] is list(scene)[7]
-    assert calls_of("placed", lambda: scene.objects) == 0  # all objects exist by now
+    assert calls_of("make", lambda: scene.objects) == 0  # all objects exist by now
     copy = pickle.loads(pickle.dumps(scene))
     for other in (copy, scene.to("cpu")):
         assert other["ball_999"].name == "ball_999"

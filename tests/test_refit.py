@@ -219,7 +219,7 @@ def test_host_vertices_are_the_newest(device, tmp_path):
     scene.export(tmp_path / "scene.glb")
     loaded = wv.Scene.load(tmp_path / "scene.glb")
     np.testing.assert_allclose(loaded["ball_0"].bounds, expected["ball_0"].bounds, atol=1e-5)
-    assert scene["ball_0"].movable and repr(scene["ball_0"]).startswith("DeformingObject(name='ball_0'")
+    assert scene["ball_0"].movable and repr(scene["ball_0"]).startswith("SceneObject(name='ball_0'")
 
 
 def test_copy_on_other_device_keeps_its_vertices(device):

@@ -14,8 +14,8 @@ import warp as wp
 import warpvis as wv
 from warpvis.errors import SceneError
 from warpvis.kernels.bvh.items_cuda import check_mesh
-from warpvis.scene import _new_mesh, solids
-from warpvis.scene.acceleration import geometry, tree_cache
+from warpvis.scene import _updates, solids
+from warpvis.scene.acceleration import geometry, scene_trees, tree_cache
 from warpvis.scene.acceleration.geometry import build_scene_bvh
 from warpvis.scene.acceleration.splicing import splice_bvh
 
@@ -139,7 +139,8 @@ def test_update_after_render_builds_one_tree(device, monkeypatch):
         make = getattr(tree_cache, name)
         monkeypatch.setattr(tree_cache, name, lambda *a, make=make, **k: built.append(1) or make(*a, **k))
     make_mesh = geometry.make_mesh
-    monkeypatch.setattr(geometry, "make_mesh", lambda *a: meshes.append(1) or make_mesh(*a))
+    for module in (geometry, scene_trees):
+        monkeypatch.setattr(module, "make_mesh", lambda *a: meshes.append(1) or make_mesh(*a))
     for name, mesh in [("first", HALF), ("second", CONE), ("box_0", BALL), ("box_1", HALF), ("first", BOX)]:
         built.clear(), meshes.clear()
         update(scene, name, mesh, closed=mesh is not HALF)
@@ -174,16 +175,16 @@ def on_device(mesh, device="cpu"):
 
 def exchanged(monkeypatch, vertices, faces):
     """Return the updated object, treating Warp's CPU arrays as GPU arrays."""
-    monkeypatch.setattr(_new_mesh, "on_gpu", lambda value: isinstance(value, wp.array))
+    monkeypatch.setattr(_updates, "on_gpu", lambda value: isinstance(value, wp.array))
     item = build("cpu", BOX, BOX)["first"]
-    return _new_mesh.with_mesh(item, vertices, faces, wp.get_device("cpu"))
+    return _updates.with_mesh(item, vertices, faces, wp.get_device("cpu"))
 
 
 def test_gpu_mesh_is_copied_and_fetched_lazily(monkeypatch):
     """Later changes of the given arrays have no effect."""
     given = on_device(HALF)
     item = exchanged(monkeypatch, *given)
-    assert isinstance(item, _new_mesh.MeshOnDevice)
+    assert isinstance(item.mesh.source, wp.array) and not item.mesh.deforms
     assert (item.triangle_count, item.movable, item.name, item.label) == (len(HALF[1]), True, "first", 4)
     for array in given:
         array.zero_()
@@ -193,7 +194,7 @@ def test_gpu_mesh_is_copied_and_fetched_lazily(monkeypatch):
             np.testing.assert_array_equal(getattr(one, name), getattr(expected, name))
     with pytest.raises(AttributeError, match="no attribute 'color'"):
         _ = item.color
-    mesh = _new_mesh.build_warp_mesh(item, wp.get_device("cpu"))
+    mesh = geometry.make_mesh(item.mesh, wp.get_device("cpu"))
     np.testing.assert_array_equal(mesh.points.numpy(), expected.mesh_vertices)
 
 
@@ -202,7 +203,7 @@ def test_gpu_mesh_tree_is_built_and_spliced(monkeypatch, closed):
     item = exchanged(monkeypatch, *on_device(BALL))
     scene = build("cpu", BOX, CONE)
     built = build_scene_bvh(scene.objects, scene.device, lanes=32)
-    tree = _new_mesh.build_mesh_tree(item, closed, scene.device)
+    tree = tree_cache.build_object_tree(item, closed, 32, scene.device)
     assert (tree.lanes, tree.triangle_count) == (32, len(BALL.faces))
     assert (tree.nodes.numpy().reshape(-1, 10, 32)[:, 9].min() < 2) == closed
     spliced = splice_bvh(built, 0, tree, closed=closed, old_count=12).struct

@@ -67,9 +67,9 @@ def test_moving_rebuilds_nothing(device, caster):
     scene = build(device, rows[0], movable=True)
     renderer = wv.Renderer(scene, SMALL, caster=caster)
     first = renderer.render(eyes(1), object_poses=rows[:1])
-    clusters, triangles = scene._bvh, scene._triangles
+    clusters, triangles = scene._trees._bvh, scene._trees._triangles
     moved = renderer.render(eyes(1), object_poses=rows[1:])
-    assert scene._bvh is clusters and scene._triangles is triangles
+    assert scene._trees._bvh is clusters and scene._trees._triangles is triangles
     assert (first.depth.numpy() != moved.depth.numpy()).mean() > 0.1
     again = renderer.render(eyes(1), object_poses=rows[:1])
     assert_bits_equal(first, again)

@@ -27,7 +27,7 @@ FLOAT_STEPS = wp.constant(2.4e-7)
 
 @wp.struct
 class InstanceStep:
-    """A node of a BVH of instance boxes in depth-first order; see `warpvis.scene.acceleration.instance_tree`."""
+    """A node of a BVH of instance boxes in depth-first order; see `instance_steps` of the scene."""
 
     low: wp.vec3  # of the box, in the world
     high: wp.vec3

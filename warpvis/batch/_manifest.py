@@ -108,8 +108,8 @@ def object_hash(item: SceneObject) -> str:
     """Hash all properties that affect how an object is rendered."""
     solid = item.solid
     shape = () if solid is None else (int(solid.kind), np.asarray(solid.radii), float(solid.half))
-    mesh = item.mesh_vertices if item.movable else item.vertices
-    return hash_values(item.name, int(item.label), item.movable, mesh, item.faces, item.pose, item.parent, *shape)
+    corners = item.frame_vertices
+    return hash_values(item.name, int(item.label), item.movable, corners, item.faces, item.pose, item.parent, *shape)
 
 
 def same_meshes(scene: Scene) -> tuple[int, ...]:
@@ -120,10 +120,10 @@ def same_meshes(scene: Scene) -> tuple[int, ...]:
     first: dict[str, int] = {}
     result = []
     for index, item in enumerate(scene.objects):
-        if item.mesh_vertices is None or not item.movable:
+        if not item.movable:
             result.append(index)
             continue
-        result.append(first.setdefault(hash_values(item.mesh_vertices, item.faces), index))
+        result.append(first.setdefault(hash_values(item.frame_vertices, item.faces), index))
     return tuple(result)
 
 

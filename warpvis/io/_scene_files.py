@@ -138,9 +138,7 @@ def gltf_chunks(objects: Sequence[SceneObject], extras: Iterable[Json], up: Axis
 
 def _frame_vertices(item: SceneObject) -> NDArray[np.float32] | None:
     """Return an object's vertices in its own frame; None if deforming or static, with vertices in the world's frame."""
-    if item.shared_mesh is not None:
-        return item.shared_mesh.rounded
-    return item.mesh_vertices if item.pose is not None and item.points is None else None
+    return item.mesh.rounded if item.shares_mesh or (item.pose is not None and item.points is None) else None
 
 
 def _placements(objects: Sequence[SceneObject], upright: NDArray[np.float64]) -> Iterator[dict[str, list[float]]]:

@@ -123,11 +123,6 @@ def _bounds(item: SceneObject) -> _Floats:
     return np.stack([np.minimum(bounds[0], place[:3, 3] - reach), np.maximum(bounds[1], place[:3, 3] + reach)])
 
 
-def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
-    """Return the vertices in the frame of an object's pose: its own frame, its parent's, or the world's."""
-    return item.vertices if item.mesh_vertices is None else item.mesh_vertices
-
-
 def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[int, int]]:
     """Find pairs of meshes with the same triangles, in the world and in the frames that they move with."""
     sizes = np.array([(len(item.vertices), len(item.faces)) for item in objects]).reshape(-1, 2)
@@ -135,9 +130,9 @@ def _find_same(objects: Sequence[SceneObject], i: _Ints, j: _Ints) -> set[tuple[
     same = set()
     for a, b in zip(i[alike].tolist(), j[alike].tolist(), strict=True):
         one, other = objects[a], objects[b]
-        moved_alike = (one.mesh_vertices is None) == (other.mesh_vertices is None)
-        if moved_alike and one.solid is None and other.solid is None and np.array_equal(one.faces, other.faces):
-            pairs = [(one.vertices, other.vertices), (frame_vertices(one), frame_vertices(other))]
+        has_solid = one.solid is not None or other.solid is not None
+        if one.movable == other.movable and not has_solid and np.array_equal(one.faces, other.faces):
+            pairs = [(one.vertices, other.vertices), (one.frame_vertices, other.frame_vertices)]
             if all(np.abs(p - q).max() <= _CLOSENESS * np.abs(p).max() for p, q in pairs):
                 same.add((a, b))
     return same

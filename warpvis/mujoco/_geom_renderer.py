@@ -20,7 +20,7 @@ from warpvis.core.poses import Convention, poses_to_matrices
 from warpvis.core.threads import launch_images
 from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
-from warpvis.mujoco._coinciding import Pairs, find_pairs, frame_vertices
+from warpvis.mujoco._coinciding import Pairs, find_pairs
 from warpvis.mujoco._model_fields import shape_bodies
 from warpvis.rendering import FreeList, Renderer, Views
 from warpvis.scene import Scene, SceneObject
@@ -131,7 +131,7 @@ def _mesh(item: SceneObject, faces: NDArray[np.int64], device: wp.Device) -> wp.
     """Make a mesh of some of an object's triangles, in its frame."""
     indices = item.faces[faces].astype(np.int32).ravel()
     return wp.Mesh(
-        points=wp.array(np.ascontiguousarray(frame_vertices(item)), dtype=wp.vec3, device=device),
+        points=wp.array(np.ascontiguousarray(item.frame_vertices), dtype=wp.vec3, device=device),
         indices=wp.array(indices, dtype=wp.int32, device=device),
     )
 

@@ -22,6 +22,7 @@ from warpvis.mujoco._geoms import stored_mesh
 from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
 from warpvis.mujoco._poses import PoseSource, check_computed, read_frames, read_source
 from warpvis.mujoco._worlds import Kinematics
+from warpvis.scene import Mesh
 from warpvis.scene.acceleration.geometry import make_mesh
 
 _GEOM = mujoco.mjtGeom
@@ -315,5 +316,5 @@ def _make_mesh(model: mujoco.MjModel, kind: int, data: int, device: wp.Device) -
     if not np.isfinite(corners).all():
         names = {int(_GEOM.mjGEOM_HFIELD): "heights of hfield"}
         raise SceneError(f"{names.get(kind, 'vertices of mesh')} {data} must be finite")
-    tree = make_mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32), device)
+    tree = make_mesh(Mesh(corners.astype(np.float32), np.arange(len(corners), dtype=np.int32).reshape(-1, 3)), device)
     return _Mesh(tree, float(np.linalg.norm(corners, axis=1).max()))

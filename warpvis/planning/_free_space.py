@@ -162,9 +162,8 @@ def one_world(
         if not item.movable:
             vertices.append(item.vertices)
             continue
-        assert item.mesh_vertices is not None
         matrix = place[index if item.parent is None else item.parent]
-        vertices.append((item.mesh_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
+        vertices.append((item.frame_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
         if not surely_finite(vertices[-1]) and not np.isfinite(vertices[-1]).all():
             raise PoseError(
                 f"object_poses must be finite, have a rotation, and keep {item.name!r} at finite coordinates"

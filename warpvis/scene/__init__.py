@@ -5,18 +5,15 @@
 from __future__ import annotations
 
 from warpvis.scene import lights, materials, solids
-from warpvis.scene._object import (
-    SceneObject as SceneObject,
-    keep_winding as keep_winding,
-    take_snapshot as take_snapshot,
-)
-from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
-from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
-from warpvis.scene._units import (
+from warpvis.scene._bounds import (
     fits_millimeters as fits_millimeters,
     looks_like_millimeters as looks_like_millimeters,
     too_large_for as too_large_for,
 )
+from warpvis.scene._mesh import Mesh as Mesh, keep_winding as keep_winding
+from warpvis.scene._object import SceneObject as SceneObject, take_snapshot as take_snapshot
+from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
+from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 
 __all__ = [
     "lights",

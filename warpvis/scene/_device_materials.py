@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.scene._object import SceneObject
-from warpvis.scene.acceleration.traversal_plan import frame_vertices
 from warpvis.scene.colors import linear_color, screen_color
 from warpvis.scene.lights import Background, Falloff, Light
 from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap
@@ -102,7 +101,7 @@ class _Packing:
         self._column[index] = self._columns.get(parent, -1)
         numbers = [self._material(material, item, objects) for material in appearance.materials]
         self._first[index] = numbers[0]
-        if item.shared_mesh is not None:
+        if item.shares_mesh:
             self._pose[index] = item.place
         elif _has_own_frame(item, appearance):
             self._pose[index] = _pose_in_parent(item, objects)
@@ -118,10 +117,11 @@ class _Packing:
         if item.solid is not None or not (is_colored or is_textured or appearance.normals is not None):
             return
         self.deforms |= item.points is not None
-        vertices, faces = _frame_mesh(item)
+        vertices, faces = item.mesh.rounded, item.faces
         if _has_own_frame(item, appearance):
             vertices = _in_frame(vertices, _pose_in_parent(item, objects))
-        self._object_rows[index, 0] = self._share("corners", vertices[faces], (item.shared_mesh or vertices, faces))
+        made_of = (item.mesh if item.shares_mesh else vertices), faces
+        self._object_rows[index, 0] = self._share("corners", vertices[faces], made_of)
         uv = appearance.corner_uv(faces)
         if uv is not None:
             self._object_rows[index, 1] = self._share("uv", uv, (appearance.uv, faces))
@@ -206,22 +206,16 @@ def mip_levels(image: NDArray[np.uint8], sides: int = 1) -> list[NDArray[np.uint
     return levels
 
 
-def _frame_mesh(item: SceneObject) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    shared = item.shared_mesh
-    if shared is not None:
-        return np.asarray(shared.rounded, dtype=np.float32), shared.faces
-    vertices = frame_vertices(item) if item.movable else item.vertices
-    return vertices, item.faces
-
-
 def _has_own_frame(item: SceneObject, appearance: Appearance) -> bool:
     """Return whether shading uses the frame that an object was added in, and its vertices are in another frame."""
     by_frame = appearance.normals is not None or any(material.projection != "uv" for material in appearance.materials)
-    return item.origin is not None and by_frame
+    return item.origin is not None and not item.shares_mesh and by_frame
 
 
 def _pose_in_parent(item: SceneObject, objects: Sequence[SceneObject]) -> NDArray[np.float64] | None:
     """Return the pose an object was added with, in the world or in its parent's frame; None for the identity."""
+    if item.shares_mesh:
+        return None
     if item.origin is None or item.parent is None:
         return item.origin
     parent = objects[item.parent].pose
@@ -256,7 +250,7 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
     if material.texture is None or material.projection != "cube" or material.texture_uniform:
         return 1.0, 1.0, 1.0
     origin = _pose_in_parent(item, objects)
-    half = np.abs(_in_frame(_frame_mesh(item)[0], origin)).max(axis=0).astype(np.float64)
+    half = np.abs(_in_frame(item.mesh.rounded, origin)).max(axis=0).astype(np.float64)
     return tuple((1 / np.where(half > 0, half, 1.0)).tolist())
 
 

@@ -1,101 +1,92 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""One object of a scene: its mesh, name and label, and its pose if it is movable."""
+"""Objects of a scene: a mesh, a name and a label, and a pose if movable; and the ordered list of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple, overload
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.types import MeshLike
+from warpvis.core.checks import as_items
+from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import SceneError
-from warpvis.scene._shared_mesh import SharedMesh, placed_at
+from warpvis.scene._mesh import Mesh, placed_at
 from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
 
 _ONE = np.array(1.0)
-_IDENTITY = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
+IDENTITY = np.array([0, 0, 0, 0, 0, 0, 1], dtype=np.float32)
+"""Pose of objects that were added without one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneObject:
     """One object of a scene: a mesh, a name and a label."""
 
     name: str
     label: int
     """Its class: a `Label`, or another number from 6 to 255; `Scene.label_names` names it."""
-    vertices: NDArray[np.float32] = field(repr=False)
-    """Corners in the world frame [m], shape ``(n, 3)``; for a movable object, at its `pose`."""
-    faces: NDArray[np.int32] = field(repr=False)
-    """Corner indices of the triangles, shape ``(m, 3)``."""
-    mesh_vertices: NDArray[np.float32] | None = field(default=None, repr=False)
-    """Corners in the frame of a movable object, or of its parent [m], shape ``(n, 3)``; None for static objects."""
+    mesh: Mesh = field(repr=False)
+    """Its triangles: in its own frame if it is movable or shares a mesh, in its parent's if attached, else in the
+    world's."""
     pose: NDArray[np.float32] | None = field(default=None, repr=False)
     """Initial pose of a movable object, object to world, ``x y z qx qy qz qw``; None if it is static or attached."""
     parent: int | None = None
     """Index of the movable object that it is attached to; None if not attached."""
     solid: Solid | None = None
     """Round solid that rays hit instead of the triangles, if a movable object was added as a `solids.Solid`."""
-    origin: NDArray[np.float64] | None = field(default=None, repr=False, compare=False)
+    origin: NDArray[np.float64] | None = field(default=None, repr=False)
     """Pose with which a static or attached object was added, object to world, ``x y z qx qy qz qw``: the frame of its
     normals, and of textures without coordinates. None for the identity."""
-    lazy_appearance: LazyAppearance | None = field(default=None, repr=False, compare=False)
+    shares_mesh: bool = field(default=False, repr=False)
+    """Whether it is static, and shares a mesh in its own frame with others."""
+    lazy_appearance: LazyAppearance | None = field(default=None, repr=False)
     """Holds or creates its `appearance`."""
-
-    @classmethod
-    def placed(
-        cls,
-        name: str,
-        label: int,
-        mesh: tuple[NDArray[np.float32], NDArray[np.int32]],
-        place: NDArray[np.float32],
-        solid: Solid | None = None,
-        lazy_appearance: LazyAppearance | None = None,
-    ) -> SceneObject:
-        """Create a movable object from a mesh in its frame. `vertices` are computed on access."""
-        item = object.__new__(cls)
-        item.__dict__.update(name=name, label=label, faces=mesh[1], mesh_vertices=mesh[0], pose=place, solid=solid)
-        item.__dict__.update(lazy_appearance=lazy_appearance)
-        return item
-
-    @classmethod
-    def from_shared_mesh(
-        cls,
-        name: str,
-        label: int,
-        shared: SharedMesh,
-        row: NDArray[np.float64] | None,
-        lazy_appearance: LazyAppearance | None = None,
-    ) -> SceneObject:
-        """Create a static object from a shared mesh and a pose. `vertices` are computed on access."""
-        item = object.__new__(cls)
-        item.__dict__.update(
-            name=name, label=label, faces=shared.faces, shared=shared, row=row, lazy_appearance=lazy_appearance
-        )
-        return item
-
-    def __getattr__(self, name: str) -> NDArray[np.float32]:
-        """Compute the vertices that `placed` and `from_shared_mesh` left out."""
-        if name == "vertices" and self.mesh_vertices is not None and self.pose is not None:
-            vertices = placed_at(self.mesh_vertices, self.pose).astype(np.float32)
-        elif name == "vertices" and "shared" in self.__dict__:
-            vertices = self.__dict__["shared"].rounded_at(self.__dict__["row"])
-            if self.__dict__["shared"].exceeds_cache:
-                return vertices
-        else:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        object.__setattr__(self, "vertices", vertices)
-        return vertices
+    world: NDArray[np.float32] | None = field(default=None, repr=False)
+    """Cached `vertices`; given if `mesh` does not determine them."""
 
     @property
-    def shared_mesh(self) -> SharedMesh | None:
+    def vertices(self) -> NDArray[np.float32]:
+        """Corners in the world frame [m], shape ``(n, 3)``; for a movable object, at its `pose`."""
+        if self.world is not None:
+            return self.world
+        if self.pose is None and not self.shares_mesh:
+            return self.mesh.rounded
+        if self.pose is not None:
+            found = placed_at(self.mesh.rounded, self.pose).astype(np.float32)
+        else:
+            found = self.mesh.rounded if self.origin is None else self.mesh.placed(self.origin).astype(np.float32)
+        if not (self.mesh.deforms or (self.shares_mesh and self.mesh.exceeds_cache)):
+            object.__setattr__(self, "world", found)
+        return found
+
+    @property
+    def faces(self) -> NDArray[np.int32]:
+        """Corner indices of the triangles, shape ``(m, 3)``."""
+        return self.mesh.faces
+
+    @property
+    def mesh_vertices(self) -> NDArray[np.float32] | None:
+        """Corners in the frame of a movable object, or of its parent [m], shape ``(n, 3)``; None for static objects."""
+        return self.mesh.rounded if self.movable else None
+
+    @property
+    def frame_vertices(self) -> NDArray[np.float32]:
+        """Corners as `mesh_vertices`, and in the world for static objects [m], shape ``(n, 3)``."""
+        return self.vertices if self.shares_mesh else self.mesh.rounded
+
+    @property
+    def shared_mesh(self) -> Mesh | None:
         """The mesh, in its own frame, that a static object shares with others; None for most."""
-        return self.__dict__.get("shared")
+        return self.mesh if self.shares_mesh else None
 
     @property
     def appearance(self) -> Appearance | None:
@@ -108,8 +99,8 @@ class SceneObject:
     @property
     def place(self) -> NDArray[np.floating]:
         """Initial pose of an object that is movable or shares a mesh: ``x y z qx qy qz qw``."""
-        row = self.__dict__.get("row", self.pose)
-        return _IDENTITY if row is None else row
+        row = self.origin if self.shares_mesh else self.pose
+        return IDENTITY if row is None else row
 
     @property
     def movable(self) -> bool:
@@ -119,12 +110,12 @@ class SceneObject:
     @property
     def points(self) -> wp.array | None:
         """Its vertices on the scene's device, once `Scene.update_vertices` was called; else None."""
-        return None
+        return self.mesh.source if self.mesh.deforms else None
 
     @property
     def triangle_count(self) -> int:
         """Number of triangles of the mesh."""
-        return len(self.faces)
+        return len(self.mesh.source_faces)
 
     @property
     def bounds(self) -> NDArray[np.float32]:
@@ -136,15 +127,7 @@ def take_snapshot(item: SceneObject) -> SceneObject:
     """Return a snapshot of the object with its current vertices, which do not deform any more."""
     if item.points is None:
         return item
-    return SceneObject(
-        item.name,
-        item.label,
-        item.vertices,
-        item.faces,
-        item.mesh_vertices,
-        item.pose,
-        lazy_appearance=item.lazy_appearance,
-    )
+    return replace(item, mesh=Mesh(item.mesh.rounded, item.faces), world=item.vertices)
 
 
 def detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
@@ -155,64 +138,35 @@ def detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bo
     """
     if item.parent is not None:
         return replace(item, pose=objects[item.parent].pose, parent=None)
-    shared = item.shared_mesh
-    if is_instance and shared is not None:
-        place = item.place.astype(np.float32)
-        return SceneObject.placed(
-            item.name, item.label, (shared.rounded, shared.faces), place, lazy_appearance=item.lazy_appearance
-        )
-    if item.pose is None:
-        return replace(item, mesh_vertices=item.vertices, pose=_IDENTITY)
-    return item
+    if item.pose is not None:
+        return item
+    appearance = item.lazy_appearance
+    if is_instance:
+        pose = item.place.astype(np.float32)
+        return SceneObject(item.name, item.label, item.mesh.single, pose, lazy_appearance=appearance)
+    mesh = Mesh(item.vertices, item.faces) if item.shares_mesh else item.mesh
+    origin = None if item.shares_mesh else item.origin
+    return SceneObject(
+        item.name, item.label, mesh, IDENTITY, origin=origin, lazy_appearance=appearance, world=item.vertices
+    )
 
 
-def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh given to `Scene.add`.
+def attach(name: str, placed: NDArray[np.floating], parent: SceneObject, *, is_solid: bool) -> NDArray[np.float32]:
+    """Return the vertices of an object in the frame of its parent, from those in the world.
 
     Raises:
-        SceneError: If the mesh is empty or malformed.
+        SceneError: If the object cannot be attached to the parent.
     """
-    if isinstance(mesh, tuple | list) and len(mesh) == 2:
-        vertices, faces = mesh
-    elif hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-        vertices, faces = mesh.vertices, mesh.faces
-    else:
-        raise SceneError(
-            f"mesh of {name!r} must be a trimesh.Trimesh or a pair (vertices, faces), got {type(mesh).__name__}"
-        )
-    try:
-        vertices, faces = np.asarray(vertices, dtype=np.float64), np.asarray(faces)
-    except (
-        TypeError,
-        ValueError,
-        OverflowError,
-        RuntimeError,
-    ) as error:  # arrays of other libraries may raise any exception
-        raise SceneError(f"mesh of {name!r} must hold arrays of numbers: {error}") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise SceneError(f"vertices of {name!r} must have shape (n, 3), got {vertices.shape}")
-    if faces.size == 0:
-        raise SceneError(f"mesh of {name!r} must have triangles, got none")
-    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise SceneError(f"faces of {name!r} must be integers of shape (m, 3), got {faces.dtype} {faces.shape}")
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, the first at {bad[0]}")
-    low, high = faces.min(), faces.max()
-    if low < 0 or high >= len(vertices):
-        noun = "vertex" if len(vertices) == 1 else "vertices"
-        raise SceneError(f"faces of {name!r} must index its {len(vertices)} {noun}, got indices from {low} to {high}")
-    return vertices, faces.astype(np.int32)
-
-
-def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
-    """Reverse the winding of triangles if a linear transform mirrors them, so that front faces stay front faces.
-
-    Args:
-        faces: Corner indices, shape ``(m, 3)``.
-        linear: Linear part of the transform, shape ``(3, 3)``.
-    """
-    return faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
+    subject = f"{name!r} cannot be attached to {parent.name!r}"
+    if parent.pose is None:
+        fixed = "is static; add it with movable=True"
+        raise SceneError(f"{subject}, which {'is itself attached to another object' if parent.movable else fixed}")
+    if is_solid or parent.solid is not None or parent.points is not None:
+        reason = f"{name!r} is a solid" if is_solid else f"{parent.name!r} is a solid"
+        reason = reason if parent.points is None else f"{parent.name!r} is deforming"
+        raise SceneError(f"{subject}: {reason}, and only rigid meshes can be attached")
+    place = poses_to_matrices(parent.pose)
+    return ((placed - place[:3, 3]) @ place[:3, :3]).astype(np.float32)
 
 
 def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
@@ -226,7 +180,168 @@ def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
     try:
         factors = np.asarray(scale, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, RuntimeError):  # other libraries' arrays may raise any exception
-        raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}") from None
+        factors = np.array(np.nan)
     if factors.shape not in ((), (3,)) or not (np.isfinite(factors).all() and (factors > 0).all()):
         raise SceneError(f"scale of {name!r} must be one or three positive numbers, got {scale!r}")
     return factors
+
+
+class Instances(NamedTuple):
+    """Objects that share one mesh and were added together."""
+
+    first: int
+    """Index of the first one in the scene."""
+    names: Sequence[str]
+    rows: NDArray[np.float64]
+    """Object to world, ``x y z qx qy qz qw``, shape ``(n, 7)``."""
+    item: SceneObject
+    """An object like them, without their names and poses."""
+
+    def make(self, index: int) -> SceneObject:
+        """Create the object with the given index in the scene."""
+        name, row = self.names[index - self.first], self.rows[index - self.first]
+        if self.item.movable:
+            return replace(self.item, name=name, pose=row.astype(np.float32))
+        return replace(self.item, name=name, origin=row)
+
+
+class Run(NamedTuple):
+    """Consecutive objects of a scene: a single one, or instances that were not accessed one by one."""
+
+    first: int
+    length: int
+    item: SceneObject
+    """The object, or one like them."""
+    rows: NDArray[np.floating]
+    """Poses of objects that are movable or share a mesh, shape ``(length, 7)``."""
+
+
+class ObjectList(Sequence[SceneObject]):
+    """A list of named objects; those of `add_instances` take no time and little memory until they are accessed."""
+
+    def __init__(self, objects: Iterable[SceneObject] = ()) -> None:
+        """Create a list of the given objects."""
+        given = list(objects)
+        self._items: list[SceneObject | Instances] = [*given]
+        self.names = {item.name: index for index, item in enumerate(given)}
+        """Indices of the objects, by name."""
+        self.movable = [index for index, item in enumerate(given) if item.pose is not None]
+        """Indices of the movable objects with separate poses."""
+        if len(self.names) < len(given):
+            name, _ = Counter(item.name for item in given).most_common(1)[0]
+            raise SceneError(f"objects must have different names, got {name!r} twice")
+
+    def append(self, item: SceneObject) -> None:
+        """Append an object."""
+        self.names[item.name] = len(self._items)
+        self.movable += [len(self._items)] if item.pose is not None else []
+        self._items.append(item)
+
+    def add_instances(self, names: Sequence[str], rows: NDArray[np.float64], item: SceneObject) -> range:
+        """Append instances of an object, and return their indices."""
+        indices = range(len(self._items), len(self._items) + len(rows))
+        self._items += [Instances(indices.start, names, rows, item)] * len(rows)
+        self.names.update(zip(names, indices, strict=True))
+        self.movable += indices if item.movable else []
+        return indices
+
+    def index_of(self, name: str) -> int:
+        """Return the index of the object with the given name.
+
+        Raises:
+            SceneError: If there is no object with this name.
+        """
+        if not isinstance(name, str) or name not in self.names:
+            raise SceneError(
+                f"the scene has no object {name!r}; it has {', '.join(map(repr, self.names)) or 'no objects'}"
+            )
+        return self.names[name]
+
+    def new_name(self, name: str | None) -> str:
+        """Return the name of a new object; by default the first free ``object_N``, N from the number of objects on.
+
+        Raises:
+            SceneError: If the name is taken.
+        """
+        if name is None:
+            numbers = itertools.count(len(self._items))
+            return next(free for free in map("object_{}".format, numbers) if free not in self.names)
+        if str(name) in self.names:
+            raise SceneError(f"the scene already has an object named {str(name)!r}; give another name")
+        return str(name)
+
+    def new_names(self, names: str | Sequence[str] | None, count: int) -> list[str]:
+        """Return names of new objects: given ones, or numbered ones from a prefix or the objects' indices.
+
+        Raises:
+            SceneError: If a name is taken, or the number of names differs from the number of objects.
+        """
+        if names is None:
+            chosen = [f"object_{index}" for index in range(len(self._items), len(self._items) + count)]
+        elif isinstance(names, str):
+            chosen = [f"{names}_{number}" for number in range(count)]
+        else:
+            chosen = [str(name) for name in as_items(names, "names", SceneError)]
+            if len(chosen) != count:
+                raise SceneError(f"names must be one for each of {count} poses, got {len(chosen)}")
+        taken = next((name for name in chosen if name in self.names), None)
+        if taken is not None:
+            raise SceneError(f"the scene already has an object named {taken!r}; give other names")
+        if len(set(chosen)) < len(chosen):
+            name, times = Counter(chosen).most_common(1)[0]
+            raise SceneError(f"names must be different, got {name!r} {times} times")
+        return chosen
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the objects in order, without creating those of instances."""
+        first = 0
+        for _, group in itertools.groupby(self._items, key=id):
+            item, *others = group
+            count = 1 + len(others)
+            if isinstance(item, Instances):
+                start = first - item.first
+                yield Run(first, count, item.item, item.rows[start : start + count])
+            else:
+                yield Run(first, 1, item, item.place[None])
+            first += count
+
+    def parents(self) -> dict[int, int]:
+        """Return the parents of attached objects, by object index."""
+        return {first: item.parent for first, _, item, _ in self.runs() if item.parent is not None}
+
+    def require_detached(self, index: int, consequence: str) -> None:
+        """Raise a `SceneError`, ending in `consequence`, if an object is rigidly attached to others."""
+        item = self[index]
+        attached = [self[other].name for other, parent in self.parents().items() if parent == index]
+        if item.parent is not None:
+            attached = [self[item.parent].name]
+        if attached:
+            names = ", ".join(map(repr, attached))
+            raise SceneError(
+                f"object {item.name!r} is rigidly attached to {names}, so its {consequence}; do not attach them"
+            )
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    @overload
+    def __getitem__(self, index: int) -> SceneObject: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[SceneObject]: ...
+
+    def __getitem__(self, index: int | slice) -> SceneObject | list[SceneObject]:
+        if isinstance(index, slice):
+            return [self[number] for number in range(*index.indices(len(self)))]
+        item = self._items[index]
+        if isinstance(item, Instances):
+            index = range(len(self._items))[index]
+            item = self._items[index] = item.make(index)
+        return item
+
+    def __setitem__(self, index: int, item: SceneObject) -> None:
+        self._items[index] = item
+
+    def __iter__(self) -> Iterator[SceneObject]:
+        for index, item in enumerate(self._items):
+            yield self[index] if isinstance(item, Instances) else item

@@ -20,8 +20,8 @@ from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
+from warpvis.scene._mesh import placed_at
 from warpvis.scene._object import check_scale
-from warpvis.scene._shared_mesh import placed_at
 from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import Appearance

@@ -4,48 +4,45 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.rays import OnceCache
 from warpvis.core.arrays import get_device
-from warpvis.core.checks import check_flag, describe_exception, pluralize
+from warpvis.core.checks import as_items, check_flag, describe_exception, pluralize
 from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
-from warpvis.core.labels import Label
-from warpvis.core.poses import (
-    QuaternionOrder,
-    check_quaternion,
-    check_up,
-    poses_to_matrices,
-    poses_to_opencv,
-    read_pose,
-    to_xyzw,
-)
+from warpvis.core.labels import Label, LabelNames
+from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_opencv, read_pose, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._bounds import bounds_of
-from warpvis.scene._exports import SceneExports
-from warpvis.scene._meshes import SharedMeshes, instance_names
-from warpvis.scene._object import SceneObject, check_scale, detach, take_snapshot
-from warpvis.scene._object_list import Instances, ObjectList
+from warpvis.scene._mesh import Mesh, MeshCache
+from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, check_scale, detach, take_snapshot
 from warpvis.scene._parts import merge_instances
-from warpvis.scene.acceleration.traversal_plan import instance_indices
+from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
+from warpvis.scene.acceleration.scene_trees import SceneTrees
+from warpvis.scene.acceleration.traversal_plan import instance_indices, plan_traversal
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
+from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import AppearanceLike
 from warpvis.scene.solids import Solid
 
-_IDENTITY = np.array([0.0, 0, 0, 0, 0, 0, 1])
-
 if TYPE_CHECKING:
+    import trimesh
+
+    from warpvis.kernels.shading.base_colors import DeviceMaterials
+    from warpvis.kernels.shading.lighting import Lights
     from warpvis.scene._parts import FileParts
 
 
-class Scene(SceneExports):
+class Scene:
     """Triangle meshes in the world frame, right-handed, in meters.
 
     Example:
@@ -75,8 +72,25 @@ class Scene(SceneExports):
             SceneError: If a number, a name or a class is invalid, or two numbers have the same name.
         """
         check_up(up)
-        super().__init__(get_device(device), up, label_names, ground_labels)
-        self._meshes = SharedMeshes()
+        self.device = get_device(device)
+        self.up: Literal["z", "y"] = up
+        self._label_names = LabelNames(label_names)
+        self.ground_labels = ground_labels
+        self._lights: tuple[Light, ...] = ()
+        self._background: Background | None = None
+        self._meshes = MeshCache()
+        self._objects = ObjectList()
+        self._trees = SceneTrees(self.device)
+        # Prepared ray bundles of the most recent renderers, by their inputs.
+        self.cached_rays: dict[Hashable, OnceCache] = {}
+        self._lock = Lock()
+        self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
+        # Data derived from the objects, until these change.
+        self._tuple: tuple[SceneObject, ...] | None = None
+        self._columns: tuple[int, ...] | None = None
+        self._device_materials: tuple[DeviceMaterials, bool] | None = None
+        self._sizes: wp.array | None = None
+        self._poses: wp.array | None = None
         self._isolated: Scene | None = None
 
     @classmethod
@@ -178,10 +192,7 @@ class Scene(SceneExports):
                 `attach_to`, or the appearance does not fit the mesh.
             PoseError: If the pose is invalid.
         """
-        index = len(self._objects)
-        name = self._free_name() if name is None else str(name)
-        if name in self._index:
-            raise SceneError(f"the scene already has an object named {name!r}; give another name")
+        name = self._objects.new_name(name)
         movable = check_flag(movable, "movable", SceneError)
         factors = check_scale(scale, name)
         shared = self._meshes.get(mesh, factors, name)
@@ -189,33 +200,30 @@ class Scene(SceneExports):
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
         lazy_appearance = choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
-        stays = attach_to is None and not movable
-        if stays and shared.uses:
-            shared.check_reach((_IDENTITY if row is None else row)[None], name)
-            item = SceneObject.from_shared_mesh(name, number, shared, row, lazy_appearance)
-        elif attach_to is not None or not movable:
-            placed = shared.placed(row, name)
-            frame = {} if attach_to is None else self._attach(attach_to, mesh, name, placed)
-            item = SceneObject(
-                name,
-                number,
-                placed.astype(np.float32),
-                shared.faces,
-                origin=row,
-                lazy_appearance=lazy_appearance,
-                **frame,
-            )
-        else:
-            pose = (_IDENTITY if row is None else row).astype(np.float32)
-            shared.check_reach(pose[None], name)
+        parent = None if attach_to is None else self.index(attach_to)
+        place = IDENTITY if row is None else row
+        if movable and parent is None:
+            start = place.astype(np.float32)
+            shared.check_reach(start[None], name)
             solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            item = SceneObject.placed(name, number, (shared.rounded, shared.faces), pose, solid, lazy_appearance)
-        shared.uses += stays
+            item = SceneObject(name, number, shared.single, start, solid=solid, lazy_appearance=lazy_appearance)
+        elif parent is None and shared.uses:
+            shared.check_reach(place[None], name)
+            item = SceneObject(name, number, shared, origin=row, shares_mesh=True, lazy_appearance=lazy_appearance)
+        else:
+            shared.check_reach(place[None], name)
+            placed = shared.placed(row)
+            world = vertices = placed.astype(np.float32)
+            if parent is not None:
+                vertices = attach(name, placed, self._objects[parent], is_solid=isinstance(mesh, Solid))
+            joined = Mesh(vertices, shared.faces)
+            item = SceneObject(
+                name, number, joined, parent=parent, origin=row, lazy_appearance=lazy_appearance, world=world
+            )
+        shared.uses += parent is None and not movable
         self._objects.append(item)
-        self._index[name] = index
-        self._movable += [index] if movable and attach_to is None else []
         self._forget()
-        return index
+        return len(self._objects) - 1
 
     def add_instances(
         self,
@@ -253,49 +261,22 @@ class Scene(SceneExports):
         """
         movable = check_flag(movable, "movable", SceneError)
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
-        indices = range(len(self._objects), len(self._objects) + len(rows))
-        chosen = instance_names(names, indices, self._index)
+        chosen = self._objects.new_names(names, len(rows))
         subject = chosen[0] if chosen else "instances"
         factors = check_scale(scale, subject)
         shared = self._meshes.get(mesh, factors, subject)
         shared.check_reach(rows, subject)
         number = self._label_names.number(label)
         lazy_appearance = choose_appearance(appearance, mesh, subject, (len(shared.vertices), len(shared.faces)))
-        solid = mesh.scaled(factors) if isinstance(mesh, Solid) and movable else None
-        shared.uses += 0 if movable else len(rows)
-        self._objects.add_instances(
-            Instances(indices.start, chosen, number, shared, rows, movable, solid, lazy_appearance)
-        )
-        self._index.update(zip(chosen, indices, strict=True))
-        self._movable += indices if movable else []
+        if movable:
+            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
+            item = SceneObject("", number, shared.single, IDENTITY, solid=solid, lazy_appearance=lazy_appearance)
+        else:
+            item = SceneObject("", number, shared, shares_mesh=True, lazy_appearance=lazy_appearance)
+            shared.uses += len(rows)
+        indices = self._objects.add_instances(chosen, rows, item)
         self._forget()
         return indices
-
-    def _free_name(self) -> str:
-        """Return the first free name ``object_N``, with N from the number of objects on."""
-        numbers = itertools.count(len(self._objects))
-        return next(name for name in map("object_{}".format, numbers) if name not in self._index)
-
-    def _attach(self, attach_to: str, mesh: MeshLike, name: str, placed: NDArray[np.float64]) -> dict[str, Any]:
-        """Return the fields of an object that is attached to another one, from its vertices in the world."""
-        index = self.index(attach_to)
-        item = self._objects[index]
-        if item.pose is None:
-            obstacle = (
-                "which is itself attached to another object"
-                if item.movable
-                else "which is static; add it with movable=True"
-            )
-            raise SceneError(f"{name!r} cannot be attached to {attach_to!r}, {obstacle}")
-        if isinstance(mesh, Solid) or item.solid is not None or item.points is not None:
-            reason = f"{name!r} is a solid" if isinstance(mesh, Solid) else f"{attach_to!r} is a solid"
-            reason = reason if item.points is None else f"{attach_to!r} is deforming"
-            raise SceneError(
-                f"{name!r} cannot be attached to {attach_to!r}: {reason}, and only rigid meshes can be attached"
-            )
-        place = poses_to_matrices(item.pose)
-        inside = (placed - place[:3, 3]) @ place[:3, :3]
-        return {"mesh_vertices": inside.astype(np.float32), "parent": index}
 
     def add_parts(self, found: FileParts, rules: LabelRules, **options: Any) -> None:
         """Add the parts of a file, labeled by rules; options as for `FileParts.objects`.
@@ -314,10 +295,175 @@ class Scene(SceneExports):
             except WarpvisError as error:
                 raise FileFormatError(f"{found.path}: {describe_exception(error)}") from None
 
+    def index(self, name: str) -> int:
+        """Return the index of the object with the given name.
+
+        Raises:
+            SceneError: If the scene has no object with this name.
+        """
+        return self._objects.index_of(name)
+
+    def update_vertices(self, name: str, vertices: ArrayInput) -> None:
+        """Move the vertices of a movable object; its triangles are unchanged.
+
+        The first call for an object gives it a separate tree without back-face culling and replaces a round solid by
+        its triangles; the scene's trees are then rebuilt by the next render. Later calls refit the trees on the scene's
+        device, which takes a fraction of the time. Refitting keeps the structure of the original tree, so rendering
+        slows down if the shape changes a lot.
+
+        Vertices that are on the scene's GPU are copied there and not read back, so their values are not checked: they
+        must be finite. After one call and one render, such a call neither synchronizes nor allocates (except that
+        `wp.Mesh.refit`, for the ``rays`` caster, takes memory from Warp's pool), so it can be captured with
+        `Renderer.render` in a CUDA graph. Rebuilding the trees invalidates the graph.
+
+        `SceneObject.vertices`, `bounds` and `export` use the newest vertices; they copy them from the device on access.
+
+        Args:
+            name: The object's name. It must have been added with ``movable=True``.
+            vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: a host array or one on
+                the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
+                applied again.
+
+        Raises:
+            SceneError: If there is no such object, it is not movable, or the vertices are malformed.
+        """
+        from warpvis.scene._updates import as_deforming, parse_vertices
+
+        index = self.index(name)
+        item = self._objects[index]
+        if not item.movable:
+            raise SceneError(
+                f"object {name!r} is not movable, so its vertices cannot be updated; add it with movable=True"
+            )
+        if item.points is None:  # nothing can be attached to an object that already deforms
+            self._objects.require_detached(index, "vertices cannot be updated")
+        parsed = parse_vertices(vertices, item, self.device)
+        with self._lock:
+            item = self._objects[index]
+            if item.points is None:
+                item = self._objects[index] = as_deforming(item, self.device)
+                self._forget()
+            wp.copy(item.points, parsed)
+            self._trees.refit(index)
+
+    def update_mesh(
+        self, name: str, vertices: ArrayInput, faces: ArrayInput | None = None, *, closed: bool = False
+    ) -> None:
+        """Replace the mesh of an object, for example after cutting, filling holes or marching cubes.
+
+        The object's name, index, label and pose are unchanged. A movable object has a separate tree, and only that is
+        rebuilt: at once, if the scene was rendered before. All static objects share one tree, which the next render
+        rebuilds as a whole. To deform a mesh whose triangles do not change, use `update_vertices`, which builds no
+        tree.
+
+        A mesh on the scene's GPU is copied, checked and built into a tree there if the object is movable: the host
+        reads only the number of ranges per level and whether the mesh is valid. `SceneObject.mesh_vertices` and `faces`
+        are copied from the GPU on access.
+
+        Other objects that share the old mesh keep it. A round solid is replaced by the mesh. CUDA graphs of renders
+        captured before are invalid: they read memory that the scene has released.
+
+        Args:
+            name: The object's name. Attached objects, and objects that others are attached to, cannot change meshes.
+            vertices: Corners [m], shape ``(n, 3)`` or `wp.vec3` of shape ``(n,)``, in the object's frame if it is
+                movable, else in the world's. The scale that the object was added with is not applied again.
+            faces: Corner indices of the triangles, shape ``(m, 3)``, int32 on a GPU; the object's faces by default.
+            closed: Whether the mesh is known to be closed, with all normals outwards, so that its back faces can be
+                culled where it is seen from outside of its box, which renders faster. `add` checks this itself, which
+                takes longer than building a tree.
+
+        Raises:
+            SceneError: If there is no such object, it is rigidly attached to others, or the mesh is empty or malformed.
+        """
+        from warpvis.scene._updates import with_mesh
+
+        index = self.index(name)
+        closed = check_flag(closed, "closed", SceneError)
+        self._objects.require_detached(index, "mesh cannot be updated")
+        item = with_mesh(self._objects[index], vertices, faces, self.device)
+        with self._lock:
+            self._trees.exchange(self._objects, index, item, closed=closed)
+            self._forget_data()
+
+    def replace_objects(self, objects: Sequence[SceneObject]) -> None:
+        """Replace all objects of the scene, in this order; parents are indices into `objects`.
+
+        From then on the scene caches its trees, so that only trees of new triangles are built.
+        """
+        listed = ObjectList(objects)
+        with self._lock:
+            self._objects = listed
+            self._forget(cache_next=True)
+
+    @property
+    def objects(self) -> tuple[SceneObject, ...]:
+        """The objects; values of the object image are indices into this."""
+        if self._tuple is None:
+            self._tuple = tuple(self._objects)
+        return self._tuple
+
+    @property
+    def movable(self) -> tuple[int, ...]:
+        """Indices of the movable objects with separate poses: the columns of `object_poses`."""
+        if self._columns is None:
+            self._columns = tuple(self._objects.movable)
+        return self._columns
+
+    @property
+    def label_names(self) -> LabelNames:
+        """Names of the classes of pixels, by number: those of `Label` and user-defined ones.
+
+        Add one by ``scene.label_names[40] = "road"``; ``scene.label_names.number("road")`` is the value of its pixels.
+        """
+        return self._label_names
+
+    @label_names.setter
+    def label_names(self, names: Mapping[int, str]) -> None:
+        self._label_names = LabelNames(names)
+
+    @property
+    def ground_labels(self) -> frozenset[int]:
+        """Classes that are ground: robots stand on them, and maps show them where there is no obstacle.
+
+        Only `Label.GROUND` by default. All other classes except those of `Label` are obstacles.
+        """
+        return self._ground_labels
+
+    @ground_labels.setter
+    def ground_labels(self, labels: Iterable[Label | int | str]) -> None:
+        self._ground_labels = frozenset(self._label_names.numbers(labels, "ground_labels"))
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """Lights in the world's frame, as loaded from a file or set; none by default.
+
+        They shade the output ``color``. Lights that a file attaches to moving bodies stay at their initial positions.
+        """
+        return self._lights
+
+    @lights.setter
+    def lights(self, lights: Sequence[Light]) -> None:
+        items = [lights] if isinstance(lights, Light) else as_items(lights, "lights", SceneError)
+        invalid = [item for item in items if not isinstance(item, Light)]
+        if invalid:
+            raise SceneError(f"lights must be Lights, got {type(invalid[0]).__name__}")
+        self._lights = tuple(items)
+
+    @property
+    def background(self) -> Background | None:
+        """Background of rays that hit no object, as loaded from a file or set; None if not given."""
+        return self._background
+
+    @background.setter
+    def background(self, background: Background | None) -> None:
+        if background is not None and not isinstance(background, Background):
+            raise SceneError(f"background must be a Background or None, got {type(background).__name__}")
+        self._background = background
+
     @property
     def triangle_count(self) -> int:
         """Number of triangles of all objects."""
-        return sum(count * item.triangle_count for _, count, item in self._objects.runs())
+        return sum(count * item.triangle_count for _, count, item, _ in self._objects.runs())
 
     @property
     def bounds(self) -> NDArray[np.float32]:
@@ -334,38 +480,52 @@ class Scene(SceneExports):
         return len(self._objects)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._index
+        return name in self._objects.names
 
     def __repr__(self) -> str:
         holds = f"{pluralize(len(self), 'object')}, {pluralize(self.triangle_count, 'triangle')}"
         return f"Scene({holds}, device={str(self.device)!r})"
 
+    def use_labels(self, rules: LabelRules) -> None:
+        """Add the class names of label rules, and their ground classes if given."""
+        self._label_names.update(rules.label_names)
+        if rules.ground_labels is not None:
+            self.ground_labels = rules.ground_labels
+
+    def require_objects(self) -> ObjectList:
+        """Return the objects; raise a `SceneError` if the scene is empty."""
+        if not self._objects:
+            raise SceneError("the scene has no objects; add() one first")
+        return self._objects
+
+    def attached(self) -> dict[int, int]:
+        """Return the parents of attached objects, by object index."""
+        return self._objects.parents()
+
+    def has_solids(self) -> bool:
+        """Return whether any object is rendered as a round solid."""
+        return any(item.solid is not None for _, _, item, _ in self._objects.runs())
+
     def to(self, device: DeviceLike) -> Scene:
         """Return a copy of the scene on another device."""
+        return self._copy(map(take_snapshot, self._objects), device)
+
+    def _copy(self, objects: Iterable[SceneObject], device: DeviceLike) -> Scene:
+        """Return a scene of other objects with the same settings."""
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
-        scene._objects = ObjectList(map(take_snapshot, self._objects))
-        scene._index, scene._movable = dict(self._index), list(self._movable)
-        scene._take_environment(self)
+        scene._objects, scene._lights, scene._background = ObjectList(objects), self._lights, self._background
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the objects without trees; another process builds them again."""
-        objects = [take_snapshot(item) for item in self._objects]
         classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
-        places = {"device": str(self.device), "up": self.up}
-        around = {"lights": self.lights, "background": self.background}
-        return {**places, **classes, **around, "objects": objects, "movable": list(self._movable)}
+        state = {"device": str(self.device), "up": self.up, "lights": self.lights, "background": self.background}
+        return {**state, **classes, "objects": [take_snapshot(item) for item in self._objects]}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        arguments = {name: state[name] for name in ("device", "up", "label_names", "ground_labels") if name in state}
+        arguments = {name: state[name] for name in ("device", "up", "label_names", "ground_labels")}
         self.__init__(**arguments)  # type: ignore[misc]
-        self._objects, self._movable = ObjectList(state["objects"]), state["movable"]
-        self._index = {item.name: index for index, item in enumerate(self._objects)}
-        self.lights, self.background = state.get("lights", ()), state.get("background")
-
-    def _forget(self) -> None:
-        super()._forget()
-        self._isolated = None
+        self._objects, self.lights, self.background = ObjectList(state["objects"]), state["lights"], state["background"]
 
     def isolated(self) -> Scene:
         """Return a scene of the same objects, each movable and with a separate tree, so that each can be isolated.
@@ -379,19 +539,131 @@ class Scene(SceneExports):
         with self._lock:
             if self._isolated is None:
                 items = [take_snapshot(item) for item in self.require_objects()]
-                isolated = Scene(
-                    device=self.device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels
-                )
                 instances = instance_indices(self._objects, self.device)
-                isolated._objects = ObjectList(
-                    detach(item, items, is_instance=index in instances) for index, item in enumerate(items)
-                )
-                isolated._index, isolated._movable = dict(self._index), list(range(len(items)))
-                isolated._take_environment(self)
+                detached = (detach(item, items, is_instance=index in instances) for index, item in enumerate(items))
+                isolated = self._copy(detached, self.device)
                 if any(item.points is not None for item in self._objects):
                     return isolated  # not cached: a replayed CUDA graph may deform objects without notice
                 self._isolated = isolated
             return self._isolated
+
+    def to_trimesh(self) -> trimesh.Scene:
+        """Return a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
+
+        Appearances, lights and the background are left out.
+        """
+        import trimesh
+
+        scene = trimesh.Scene()
+        for item in self._objects:
+            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata=self._metadata(item.label))
+            scene.add_geometry(mesh, node_name=item.name, geom_name=item.name)
+        return scene
+
+    def export(self, path: str | os.PathLike[str]) -> None:
+        """Write the scene as glTF (``.glb``), y up as specified by the format; `load` reads it back with its labels.
+
+        Every object is a node. Objects that share a mesh share it in the file. Nodes of these objects and of movable
+        ones have transforms; the vertices of all others are in the world's frame. Appearances, lights and the
+        background are left out.
+
+        Raises:
+            FileFormatError: If the path does not end in ``.glb`` or cannot be written, if vertices on a GPU are not
+                finite, or if the file would exceed 4 GB, the format's limit.
+        """
+        from warpvis.io import export_scene
+
+        objects = self.require_objects()
+        export_scene(path, objects, (self._metadata(item.label) for item in objects), self.up)
+
+    def _metadata(self, label: int) -> dict[str, int | str | bool]:
+        """Return the metadata from which `load` restores a mesh's label, with ``ground`` if not the default."""
+        number, word = self._label_names.number(label), self._label_names.word(label)
+        ground = number in self._ground_labels
+        flags: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}
+        if isinstance(number, Label) and word == number.name:
+            return {"label": word, **flags}
+        return {"label": int(number), **({"label_name": word} if number in self._label_names else {}), **flags}
+
+    def triangles(self, *, faces: bool = False) -> Triangles:
+        """Return the triangles and Warp's trees of them, built on first use after a change.
+
+        Args:
+            faces: Whether to store the face index in the object's mesh for each triangle.
+
+        Raises:
+            SceneError: If the scene is empty.
+        """
+        with self._lock:
+            return self._trees.triangles(self.require_objects(), faces=faces)
+
+    def bvh(self, *, faces: bool = False) -> SceneBvh:
+        """Return the BVH, built on first use after a change.
+
+        Args:
+            faces: Whether to store the face index in the object's mesh for each triangle. This takes 4 bytes per leaf
+                slot. Trees that were built without it are rebuilt, and all later ones are built with it.
+
+        Raises:
+            SceneError: If the scene is empty.
+        """
+        with self._lock:
+            return self._trees.bvh(self.require_objects(), faces=faces)
+
+    def device_materials(self, background: Background | None) -> DeviceMaterials:
+        """Return the device materials of the objects, created on first use after a change."""
+        from warpvis.scene._device_materials import pack_materials, set_background
+
+        objects, movable = self.objects, self.movable
+        with self._lock:
+            if self._device_materials is None or self._device_materials[1]:
+                self._device_materials = pack_materials(objects, movable, self.device)
+            set_background(self._device_materials[0], background)
+            return self._device_materials[0]
+
+    def device_lights(self, lights: tuple[Light, ...]) -> Lights:
+        """Return the lights on the device, created on first use after they were changed."""
+        from warpvis.scene._device_materials import pack_lights
+
+        with self._lock:
+            if self._device_lights is None or self._device_lights[0] != lights:
+                self._device_lights = lights, pack_lights(lights, self.device)
+            return self._device_lights[1]
+
+    def object_labels(self) -> wp.array:
+        """Return the objects' labels on the scene's device, shape ``(objects,)`` uint8."""
+        return wp.array(plan_traversal(self.require_objects(), self.device).labels, dtype=wp.uint8, device=self.device)
+
+    def movable_sizes(self) -> wp.array:
+        """Return the initial solid sizes of the movable objects on the device, shape ``(M,)`` vec4."""
+        with self._lock:
+            if self._sizes is None:
+                sizes = plan_traversal(self._objects, self.device).solid_sizes[: len(self._objects.movable)]
+                self._sizes = wp.array(sizes, dtype=wp.vec4, device=self.device)
+            return self._sizes
+
+    def movable_poses(self, worlds: int = 1) -> wp.array:
+        """Return the initial poses of the movable objects on the device, shape ``(worlds, M)``.
+
+        Poses of a single world are cached.
+        """
+        with self._lock:
+            if worlds == 1 and self._poses is not None:
+                return self._poses
+            rows = plan_traversal(self._objects, self.device).movable_poses
+            repeated = np.repeat(rows[None], worlds, axis=0)
+            poses = wp.array(repeated, dtype=wp.transform, shape=repeated.shape[:2], device=self.device)
+            if worlds == 1:
+                self._poses = poses
+            return poses
+
+    def _forget(self, *, cache_next: bool = False) -> None:
+        """Drop the trees and all other data derived from the objects, since they have changed."""
+        self._trees.forget(cache_next=cache_next)
+        self._forget_data()
+
+    def _forget_data(self) -> None:
+        self._tuple = self._columns = self._device_materials = self._sizes = self._poses = self._isolated = None
 
 
 def require_scene(scene: object) -> Scene:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import fnmatch
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from warpvis.core.label_rules import LabelInput, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import SceneError
-from warpvis.scene import Scene, SceneObject
+from warpvis.scene import Mesh, Scene, SceneObject
 from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent
 
@@ -179,8 +179,8 @@ class MujocoStage:
         names: set[str] = set()
         objects = []
         for (name, label), parts in static_parts.items():
-            vertices, faces = _joined([(part.vertices, part.faces) for part in parts])
-            objects.append(SceneObject(_unique_name(name, names), label, vertices, faces))
+            mesh = _joined([(part.vertices, part.faces) for part in parts])
+            objects.append(SceneObject(_unique_name(name, names), label, Mesh(*mesh)))
         for root in self._loaded.scene.movable:
             objects.append(self._joined_body(root, movable_parts[root], names))
         scene = Scene(label_names=self._loaded.scene.label_names, ground_labels=self._loaded.scene.ground_labels)
@@ -196,10 +196,9 @@ class MujocoStage:
         name = _unique_name(self.model.body(body).name.rstrip("/") or item.name, names)
         self._note_free(name, body, root)
         if len(parts) == 1:
-            mesh = item.mesh_vertices, item.faces
-            return SceneObject.placed(name, label, mesh, item.pose, item.solid, item.lazy_appearance)  # type: ignore[arg-type]  # it is movable
-        meshes = [(part.mesh_vertices, part.faces) for part in parts]
-        return SceneObject.placed(name, label, _joined(meshes), item.pose)  # type: ignore[arg-type]  # likewise
+            return replace(item, name=name, label=label)
+        mesh = _joined([(part.frame_vertices, part.faces) for part in parts])
+        return SceneObject(name, label, Mesh(*mesh), item.pose)
 
     def _note_free(self, name: str, body: int, root: int) -> None:
         """Record the object of a body with a free joint."""

@@ -16,7 +16,7 @@ from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene import Scene, SceneObject, require_scene
+from warpvis.scene import Mesh, Scene, SceneObject, require_scene
 
 _DRAGGABLE_LABELS = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
 _MAX_DRAGGABLE = 40
@@ -68,7 +68,7 @@ class Stage:
     def mesh(self, name: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return the vertices of an object in its mesh frame [m], ``(n, 3)``, and its triangles, ``(m, 3)``."""
         item = self.scene[name]
-        return (item.vertices if item.mesh_vertices is None else item.mesh_vertices), item.faces
+        return item.frame_vertices, item.faces
 
 
 def _choose_draggable(items: Sequence[SceneObject], bodies: set[str], movable: Sequence[str] | None) -> list[str]:
@@ -91,7 +91,7 @@ def _make_movable(item: SceneObject) -> SceneObject:
     center = (low + high) / 2
     pose = np.array([*center, 0, 0, 0, 1], dtype=np.float32)
     local = (item.vertices - pose[:3]).astype(np.float32)
-    return SceneObject.placed(item.name, item.label, (local, item.faces), pose, lazy_appearance=item.lazy_appearance)
+    return SceneObject(item.name, item.label, Mesh(local, item.faces), pose, lazy_appearance=item.lazy_appearance)
 
 
 def check_frames(frames: Frames | None, movable_names: Sequence[str]) -> Frames | None:

@@ -80,7 +80,7 @@ class Situations:
         all_centers = np.empty((1 if rows is None else len(rows), len(indices), 3))
         for k, index in enumerate(indices):
             item = scene.objects[index]
-            corners = item.vertices if item.mesh_vertices is None else item.mesh_vertices
+            corners = item.frame_vertices
             center = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
             if rows is not None and item.movable:
                 column = scene.movable.index(index if item.parent is None else item.parent)

@@ -141,8 +141,7 @@ class Bop(Layout):
             names.setdefault(number, []).append(item.name)
             if len(names[number]) > 1:
                 continue
-            vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
-            points = (vertices.astype(np.float64) - self._origin(index)) * _MILLIMETERS_PER_METER
+            points = (item.frame_vertices.astype(np.float64) - self._origin(index)) * _MILLIMETERS_PER_METER
             files.write_text(f"models/obj_{number:06d}.ply", ply_text(points, item.faces))
             infos[number] = {**model_info(points), "name": item.name, "names": names[number]}
         files.write_text("models/models_info.json", _json_lines(infos.items()))

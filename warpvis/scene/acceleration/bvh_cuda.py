@@ -36,7 +36,7 @@ def builds_on(device: wp.Device, triangles: int) -> bool:
     return not device.is_cpu and triangles >= _MIN_TRIANGLES
 
 
-class DeviceMesh(NamedTuple):
+class _Mesh(NamedTuple):
     """Triangles on a device."""
 
     vertices: wp.array
@@ -48,37 +48,37 @@ class DeviceMesh(NamedTuple):
     closed: wp.array
     """Whether an object's back faces can be culled, uint8 of shape ``(objects,)``."""
 
-    @classmethod
-    def of(
-        cls,
-        vertices: NDArray[np.float32],
-        faces: NDArray[np.int32],
-        owner: NDArray[np.int32],
-        closed: NDArray[np.bool_],
-        device: wp.Device,
-    ) -> DeviceMesh:
-        """Copy host arrays to a device; see `warpvis.scene.acceleration.bvh.build_bvh`."""
-        return cls(
-            wp.array(vertices, dtype=wp.vec3, device=device),
-            wp.array(faces, dtype=wp.int32, device=device),
-            wp.array(owner, dtype=wp.int32, device=device),
-            wp.array(closed, dtype=wp.uint8, device=device),
-        )
 
-
-def build_device_bvh(mesh: DeviceMesh, *, max_levels: int) -> Bvh:
-    """Build a tree of 32 lanes on the mesh's device, as `warpvis.scene.acceleration.bvh.build_bvh` does on the CPU.
+def build_device_bvh(
+    vertices: NDArray[np.float32] | wp.array,
+    faces: NDArray[np.int32] | wp.array,
+    owner: NDArray[np.int32] | wp.array,
+    closed: NDArray[np.bool_] | wp.array,
+    device: wp.Device,
+    *,
+    max_levels: int,
+) -> Bvh:
+    """Build a tree of 32 lanes on a device, as `warpvis.scene.acceleration.bvh.build_bvh` does on the CPU.
 
     Only the number of ranges and nodes per level is copied to the host.
 
     Args:
-        mesh: The triangles, at least 1.
+        vertices: Corners, as all arrays on the host or on the device; vec3 on the device.
+        faces: Corner indices of the triangles, shape ``(m, 3)``, m at least 1.
+        owner: Object indices of the triangles, shape ``(m,)``.
+        closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
+        device: The device.
         max_levels: Maximum number of node levels, at least 8.
 
     Raises:
         SceneError: If there are more triangles than a tree holds.
     """
-    check_size(len(mesh.faces), CUDA_LANES, max_levels)
+    check_size(len(faces), CUDA_LANES, max_levels)
+
+    def load(array: np.ndarray | wp.array, dtype: Any) -> wp.array:
+        return array if isinstance(array, wp.array) else wp.array(array, dtype=dtype, device=device)
+
+    mesh = _Mesh(load(vertices, wp.vec3), load(faces, wp.int32), load(owner, wp.int32), load(closed, wp.uint8))
     items, binary, levels = _Splitter(mesh).split()
     nodes = _collapse(binary, levels, evenly=False)
     if nodes.depth > max_levels:
@@ -109,7 +109,7 @@ class _Splitter:
     longer than many launches run.
     """
 
-    def __init__(self, mesh: DeviceMesh) -> None:
+    def __init__(self, mesh: _Mesh) -> None:
         """Create the items and the root."""
         self._device, self._count = mesh.vertices.device, len(mesh.faces)
         self._items = [self._new_items()]
@@ -140,7 +140,7 @@ class _Splitter:
             depth += 1
         return self._items[depth % 2], self._binary, [(first, count) for first, count, *_ in self._rows]
 
-    def _load(self, mesh: DeviceMesh) -> wp.array:
+    def _load(self, mesh: _Mesh) -> wp.array:
         """Fill the first item array, and return the box around the items' centers."""
         words = self._integers((1, ranges_cuda.BIN_WORDS))
         words.fill_(ranges_cuda.NOTHING)
@@ -310,7 +310,7 @@ def _shrunk(rows: wp.array, count: int) -> wp.array:
     return result
 
 
-def _fill(mesh: DeviceMesh, items: Any, tree: _Nodes) -> Bvh:
+def _fill(mesh: _Mesh, items: Any, tree: _Nodes) -> Bvh:
     """Write the leaves, and the child bounds of all nodes, from the deepest level up."""
     device, lanes = mesh.vertices.device, CUDA_LANES
     check_leaves(tree.leaf_count, lanes)

@@ -12,23 +12,21 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import get_device
 from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene.acceleration.instance_tree import instance_steps
-from warpvis.scene.acceleration.joined_trees import first_leaves, first_nodes, join_trees
-from warpvis.scene.acceleration.own_faces import own_faces, slot_faces
+from warpvis.scene.acceleration.joined_trees import first_leaves, first_nodes, join_trees, own_faces, slot_faces
 from warpvis.scene.acceleration.traversal_plan import (
     InstancedMesh,
     TraversalPlan,
-    flatten,
-    frame_vertices,
+    instance_steps,
+    join_meshes,
     plan_traversal,
 )
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.packets import BvhScene
     from warpvis.kernels.casting.triangle_scene import TriangleScene
+    from warpvis.scene._mesh import Mesh
     from warpvis.scene._object import SceneObject
     from warpvis.scene.acceleration.bvh import Bvh
     from warpvis.scene.acceleration.refit import BvhRefit
@@ -88,21 +86,18 @@ def build_triangles(objects: Sequence[SceneObject], device: wp.Device) -> Triang
     count = len(plan.movable) + len(plan.instances)
     struct = TriangleScene()
     meshes = []
-    static_objects = [objects[index] for index in plan.static]
-    vertices, faces, owner = flatten(
-        [item.vertices for item in static_objects], [item.faces for item in static_objects], plan.static
-    )
-    if static_objects:
-        meshes.append(make_mesh(vertices, faces, device))
+    static, owner = join_meshes(objects, plan.static)
+    if plan.static:
+        meshes.append(make_mesh(static, device))
         struct.mesh = meshes[0].id
     owners, first_face = [owner], np.full(count, -1, dtype=np.int32)
     ids = np.zeros(count, dtype=np.uint64)
     refits = {}
     for shared in plan.meshes:
         places = shared.places
-        meshes.append(make_mesh(shared.vertices if shared.points is None else shared.points, shared.faces, device))
+        meshes.append(make_mesh(shared.mesh, device))
         ids[places] = int(meshes[-1].id)
-        if shared.points is not None:
+        if shared.mesh.deforms:
             refits[int(plan.movable[places[0]])] = meshes[-1]
         if shared.owner is not None:
             first_face[places] = sum(map(len, owners))
@@ -148,27 +143,26 @@ def build_scene_bvh(
     static = plan.static
     trees, closed_of, owners = [], [], []
     closed = np.zeros(len(objects), dtype=bool)
-    static_objects = [objects[index] for index in static]
     if static:
-        closed[static] = [cache.closed(item.vertices, item.faces) for item in static_objects]
-        flat = flatten([item.vertices for item in static_objects], [item.faces for item in static_objects], static)
-        trees.append(cache.tree(*flat, closed, lanes, device))
+        closed[static] = [cache.closed(objects[index].frame_vertices, objects[index].faces) for index in static]
+        mesh, owner = join_meshes(objects, static)
+        trees.append(cache.tree(mesh, owner, closed, lanes, device))
         closed_of.append(closed)
-        owners.append(flat[2])
-    boxes = [item.bounds for index, item in zip(static, static_objects, strict=True) if closed[index]]
+        owners.append(owner)
+    boxes = [objects[index].bounds for index in static if closed[index]]
     struct = BvhScene()
-    struct.closed_boxes = _floats(boxes, device)
+    struct.closed_boxes = wp.array(np.array(boxes, dtype=np.float32).ravel(), dtype=wp.float32, device=device)
     struct.closed_object = wp.array([i for i in static if closed[i]], dtype=wp.int32, device=device)
     struct.closed_count, struct.all_closed = len(boxes), int(closed[static].all())
 
     one_object = plan.one_object()
     tree_of = np.zeros(len(one_object), dtype=np.int64)
     mesh_closed = np.zeros(len(one_object), dtype=np.int32)
-    for mesh in plan.meshes:
-        owner, part_closed = _owners(mesh, objects, cache)
-        places = mesh.places
+    for shared in plan.meshes:
+        owner, part_closed = _owners(shared, objects, cache)
+        places = shared.places
         tree_of[places], mesh_closed[places] = len(trees), part_closed[owner].all()
-        trees.append(cache.tree(mesh.vertices, mesh.faces, owner, part_closed, lanes, device))
+        trees.append(cache.tree(shared.snapshot, owner, part_closed, lanes, device))
         closed_of.append(part_closed)
         owners.append(owner)
     cache.finish()
@@ -211,16 +205,16 @@ def build_scene_bvh(
 
 
 def _owners(
-    mesh: InstancedMesh, objects: Sequence[SceneObject], cache: TreeCache
+    shared: InstancedMesh, objects: Sequence[SceneObject], cache: TreeCache
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
     """Return the objects of a mesh's triangles, 0 if it belongs to one object, and which owners are closed."""
-    if mesh.owner is None:
-        closed = mesh.points is None and cache.closed(mesh.vertices, mesh.faces)
-        return np.zeros(len(mesh.faces), dtype=np.int32), np.array([closed])
+    if shared.owner is None:
+        closed = not shared.mesh.deforms and cache.closed(shared.mesh.rounded, shared.mesh.faces)
+        return np.zeros(len(shared.mesh.faces), dtype=np.int32), np.array([closed])
     flags = np.zeros(len(objects), dtype=bool)
-    for part in np.unique(mesh.owner):
-        flags[part] = cache.closed(frame_vertices(objects[part]), objects[part].faces)
-    return mesh.owner, flags
+    for part in np.unique(shared.owner):
+        flags[part] = cache.closed(objects[part].frame_vertices, objects[part].faces)
+    return shared.owner, flags
 
 
 def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) -> dict[int, BvhRefit]:
@@ -230,15 +224,15 @@ def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) ->
     refits = {}
     first = len(trees) - len(plan.meshes)
     places = list(zip(trees, first_nodes(trees), first_leaves(trees), strict=True))[first:]
-    for mesh, (tree, node, leaf) in zip(plan.meshes, places, strict=True):
-        if mesh.points is None:
+    for shared, (tree, node, leaf) in zip(plan.meshes, places, strict=True):
+        if not shared.mesh.deforms:
             continue
-        (position,) = mesh.places.tolist()
+        (position,) = shared.places.tolist()
         leaf_size, node_size = LEAF_ROWS * tree.lanes, NODE_ROWS * tree.lanes
         refits[int(plan.movable[position])] = BvhRefit(
             tree,
-            mesh.faces,
-            mesh.points,
+            shared.mesh.faces,
+            shared.mesh.source,
             struct.leaves[leaf * leaf_size : (leaf + tree.leaf_count) * leaf_size],
             struct.nodes[node * node_size : (node + tree.node_count) * node_size],
             struct.movable_boxes[position * BOX_WORDS : (position + 1) * BOX_WORDS],
@@ -246,20 +240,17 @@ def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) ->
     return refits
 
 
-def make_mesh(
-    vertices: NDArray[np.float32] | wp.array, faces: NDArray[np.int32] | wp.array, device: wp.Device
-) -> wp.Mesh:
-    """Build Warp's mesh and its tree. Device arrays are shared; faces on a device must be flat."""
+def make_mesh(mesh: Mesh, device: wp.Device) -> wp.Mesh:
+    """Build Warp's mesh and its tree. Arrays on the device are shared."""
+    points, faces = mesh.source, mesh.source_faces
+    if not isinstance(points, wp.array):
+        points = wp.array(mesh.rounded, dtype=wp.vec3, device=device)
     on_device = isinstance(faces, wp.array)
     return wp.Mesh(
-        points=vertices if isinstance(vertices, wp.array) else wp.array(vertices, dtype=wp.vec3, device=device),
-        indices=faces if on_device else wp.array(faces.ravel(), dtype=wp.int32, device=device),
+        points=points,
+        indices=faces.flatten() if on_device else wp.array(faces.ravel(), dtype=wp.int32, device=device),
         # The fastest to trace: on the CPU the surface area heuristic, with leaves of 4 by 15 to 20 %; on CUDA the wide
         # tree, by 7 % (5 thousand triangles) to 86 % (1.2 million).
         bvh_constructor="sah" if device.is_cpu else "cubql",
         bvh_leaf_size=4 if device.is_cpu else None,
     )
-
-
-def _floats(boxes: Sequence[NDArray[np.float32]], device: wp.Device) -> wp.array:
-    return wp.array(np.array(boxes, dtype=np.float32).ravel(), dtype=wp.float32, device=get_device(device))

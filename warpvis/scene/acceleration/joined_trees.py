@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Concatenation of the trees of a scene's meshes into the arrays that kernels read."""
+"""Concatenation of the trees of a scene's meshes into the arrays that kernels read, and face indices of triangles."""
 
 from __future__ import annotations
 
@@ -115,3 +115,29 @@ def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.arr
     joined = aligned_empty((sum(len(part) for part in parts),), dtype)
     np.concatenate(parts, out=joined.numpy(), casting="same_kind")
     return joined.to(device)
+
+
+def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return each triangle's face index in its object's mesh; an object's triangles are consecutive and in order.
+
+    Args:
+        owner: The triangles' object indices, shape ``(m,)``.
+    """
+    starts = np.flatnonzero(np.diff(owner, prepend=-1))
+    counts = np.diff(starts, append=len(owner))
+    return (np.arange(len(owner)) - np.repeat(starts, counts)).astype(np.int32)
+
+
+def slot_faces(trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device) -> wp.array:
+    """Return the object's face index for each leaf slot of the trees, one tree after the other; -1 for unused slots.
+
+    Args:
+        trees: The trees, on the host or a device.
+        owners: For each tree, the object indices of the triangles it was built from.
+        device: Device of the result.
+    """
+    parts = []
+    for tree, owner in zip(trees, owners, strict=True):
+        triangles = tree.triangles.numpy()
+        parts.append(np.where(triangles < 0, np.int32(-1), own_faces(owner)[triangles]))
+    return wp.array(np.concatenate(parts), dtype=wp.int32, device=device)

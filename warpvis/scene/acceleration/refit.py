@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Deforming meshes: their vertices on the device, and BVHs that are refitted to them without a rebuild."""
+"""BVHs of deforming meshes, which are refitted to new vertices without a rebuild."""
 
 from __future__ import annotations
 
@@ -10,14 +10,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, run_each
-from warpvis.core.types import ArrayInput, KernelArguments
-from warpvis.errors import ArrayError, SceneError
+from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import LEAF_ROWS, NODE_ROWS
-from warpvis.scene._object import SceneObject
-from warpvis.scene._shared_mesh import placed_at
 
 if TYPE_CHECKING:
     from warpvis.scene.acceleration.bvh import Bvh
@@ -25,78 +21,6 @@ if TYPE_CHECKING:
 # Fewer leaves are not worth a separate launch or another thread.
 _MIN_LEAVES = 512
 _PARTS_PER_THREAD = 4
-_NAMED = 3
-
-
-class DeformingObject(SceneObject):
-    """A movable object whose vertices were updated. They are on the scene's device.
-
-    Host copies are made on every access, so they are current after a replayed CUDA graph, too.
-    """
-
-    def __init__(self, item: SceneObject, device: wp.Device) -> None:
-        """Create a copy of `item`, and allocate its vertices on the device."""
-        for name in ("name", "label", "faces", "pose", "lazy_appearance"):
-            object.__setattr__(self, name, getattr(item, name))
-        object.__setattr__(self, "_points", wp.empty(len(item.vertices), dtype=wp.vec3, device=device))
-
-    @property
-    def points(self) -> wp.array:
-        """The corners in the object's frame, on the scene's device."""
-        return self._points
-
-    @property
-    def mesh_vertices(self) -> NDArray[np.float32]:
-        """The newest corners in the object's frame."""
-        return np.array(self.points.numpy())
-
-    @property
-    def vertices(self) -> NDArray[np.float32]:
-        """The newest corners in the world frame, at the object's pose."""
-        assert self.pose is not None
-        return placed_at(self.mesh_vertices, self.pose).astype(np.float32)
-
-
-def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
-    """Convert an object's new vertices to vec3: host arrays are checked and stay on the host, others are on the device.
-
-    Raises:
-        SceneError: If they are malformed.
-    """
-    # The count is known without a copy from the device.
-    name, count = item.name, len(item.vertices if item.points is None else item.points)
-    try:
-        if on_gpu(vertices):
-            result = as_warp(_as_vectors(vertices), wp.vec3, ("n",), name=f"vertices of {name!r}", device=device)
-        else:
-            host = as_numpy(vertices, name=f"vertices of {name!r}")
-            if host.ndim != 2 or host.shape[1] != 3:
-                raise SceneError(f"vertices of {name!r} must have shape ({count}, 3), got {host.shape}")
-            check_values(host, name)
-            result = wp.array(np.ascontiguousarray(host, dtype=np.float32), dtype=wp.vec3, device="cpu", copy=False)
-    except ArrayError as error:
-        raise SceneError(str(error)) from None
-    if len(result) != count:
-        raise SceneError(f"vertices of {name!r} must have {count} rows, as before, got {len(result)}")
-    return result
-
-
-def check_values(vertices: np.ndarray, name: str) -> None:
-    """Raise a `SceneError` unless all are finite and within the range of single precision."""
-    if np.abs(vertices).max(initial=0) <= FARTHEST:  # false for NaN too
-        return
-    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
-    if len(bad):
-        indices = ", ".join(map(str, bad[:_NAMED])) + (", ..." if len(bad) > _NAMED else "")
-        raise SceneError(f"vertices of {name!r} must be finite: {len(bad)} are not, at {indices}")
-    raise SceneError(f"vertices of {name!r} must lie within 1e18 m of the origin of its frame")
-
-
-def _as_vectors(value: ArrayInput) -> ArrayInput:
-    """View a Warp array of rows of three numbers as an array of vectors; return anything else unchanged."""
-    if isinstance(value, wp.array) and value.dtype == wp.float32 and value.ndim == 2 and value.shape[1] == 3:
-        return value.view(wp.vec3).reshape((value.shape[0],)) if value.is_contiguous else value
-    return value
 
 
 class BvhRefit:

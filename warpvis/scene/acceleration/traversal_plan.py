@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -13,10 +15,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices
-from warpvis.kernels.constants import SOLID_WORDS
-from warpvis.scene._object import SceneObject
-from warpvis.scene._object_list import Instances, ObjectList
-from warpvis.scene._shared_mesh import SharedMesh
+from warpvis.kernels.constants import CPU_LANES, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS, SOLID_WORDS
+from warpvis.scene._mesh import Mesh, check_values
+from warpvis.scene._object import ObjectList, Run, SceneObject
+from warpvis.scene.acceleration.bvh import Bvh, build_bvh
 
 # Static objects render as fast as one mesh, or faster, while all their triangles fit into caches; and one mesh is built
 # quickly. Objects share a tree if there are at least this many of at least this many triangles, and sharing saves this
@@ -30,21 +32,21 @@ _MIN_SAVED_CUDA = 1 << 23
 # Padding of an instance's world box, relative to the largest coordinate.
 _BOX_SLACK = 4e-6
 
-_Run = tuple[int, int, SceneObject | Instances]
-
 
 @dataclass(eq=False)
 class InstancedMesh:
     """A mesh in its own frame, and the objects that use it."""
 
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.int32]
+    mesh: Mesh
     members: list[range] = field(default_factory=list)
     """Ranges of positions among the objects with their own frames."""
-    points: wp.array | None = None
-    """The vertices on the device, if they change; the mesh then belongs to one object."""
     owner: NDArray[np.int32] | None = None
     """The triangles' objects, if several objects move together; the mesh then belongs to these."""
+
+    @cached_property
+    def snapshot(self) -> Mesh:
+        """The mesh on the host; of a deforming one, its shape at the first access."""
+        return Mesh(self.mesh.rounded, self.mesh.faces) if self.mesh.deforms else self.mesh
 
     @property
     def places(self) -> NDArray[np.intp]:
@@ -92,7 +94,8 @@ class TraversalPlan:
         """
         boxes = np.zeros((len(self.movable) + len(self.instances), 2, 3), dtype=np.float32)
         for mesh in self.meshes:
-            boxes[mesh.places] = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+            corners = mesh.snapshot.rounded
+            boxes[mesh.places] = np.stack([corners.min(axis=0), corners.max(axis=0)])
         solid = np.flatnonzero(self.solid_kinds)
         boxes[solid, 0] = np.minimum(boxes[solid, 0], -self.solid_corners[solid])
         boxes[solid, 1] = np.maximum(boxes[solid, 1], self.solid_corners[solid])
@@ -110,47 +113,47 @@ class TraversalPlan:
         return np.stack([centers - reach - slack, centers + reach + slack], axis=1).astype(np.float32)
 
 
-def flatten(
-    vertices: Sequence[NDArray[np.float32]], faces: Sequence[NDArray[np.int32]], indices: Sequence[int]
-) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.int32]]:
-    """Concatenate the vertices of objects, given in one frame, and their faces; also return the faces' objects."""
-    first = np.cumsum([0] + [len(part) for part in vertices])
-    moved = [part + start for part, start in zip(faces, first, strict=False)]
-    owner = np.repeat(np.array(indices, dtype=np.int32), [len(part) for part in faces])
-    joined = np.concatenate([np.zeros((0, 3), dtype=np.float32), *vertices])
-    return joined, np.concatenate([np.zeros((0, 3), dtype=np.int32), *moved]).astype(np.int32), owner
+def join_meshes(objects: Sequence[SceneObject], indices: Sequence[int]) -> tuple[Mesh, NDArray[np.int32]]:
+    """Concatenate the meshes of objects that are static or move together; also return the objects of the faces."""
+    parts = [objects[index] for index in indices]
+    vertices = [np.zeros((0, 3), dtype=np.float32), *(part.frame_vertices for part in parts)]
+    first = np.cumsum([len(part) for part in vertices])
+    faces = [part.faces + start for part, start in zip(parts, first, strict=False)]
+    owner = np.repeat(np.array(indices, dtype=np.int32), [len(part.faces) for part in parts])
+    joined = np.concatenate([np.zeros((0, 3), dtype=np.int32), *faces]).astype(np.int32)
+    return Mesh(np.concatenate(vertices), joined), owner
 
 
 def plan_traversal(objects: Sequence[SceneObject], device: wp.Device) -> TraversalPlan:
     """Group objects by how they are traversed on a device, without creating the objects of instance batches."""
     listed = objects if isinstance(objects, ObjectList) else ObjectList(objects)
     labels = np.zeros(len(listed), dtype=np.uint8)
-    movable_runs: list[_Run] = []
-    static: list[_Run] = []
+    movable_runs: list[Run] = []
+    static: list[Run] = []
     pieces: dict[int, list[int]] = {}
     for run in listed.runs():
-        first, count, item = run
+        first, count, item, _ = run
         labels[first : first + count] = int(item.label)
-        if item.movable if isinstance(item, Instances) else item.pose is not None:
+        if item.pose is not None:
             movable_runs.append(run)
-        elif isinstance(item, SceneObject) and item.parent is not None:
+        elif item.parent is not None:
             pieces.setdefault(item.parent, [item.parent]).append(first)
         else:
             static.append(run)
     shared = _find_instanced_meshes(static, device)
-    instanced = [run for run in static if id(_mesh_of(run[2])) in shared]
+    instanced = [run for run in static if run.item.mesh in shared]
     movable, instances = _indices(movable_runs), _indices(instanced)
     kinds, sizes, corners = _solids(movable_runs, len(movable) + len(instances))
     return TraversalPlan(
         labels,
-        [index for run in static if id(_mesh_of(run[2])) not in shared for index in range(run[0], run[0] + run[1])],
+        _indices([run for run in static if run.item.mesh not in shared]).tolist(),
         movable,
-        _poses(movable_runs, len(movable)),
+        _poses(movable_runs),
         kinds,
         sizes,
         corners,
         instances,
-        _poses(instanced, len(instances)),
+        _poses(instanced),
         _find_meshes(listed, pieces, movable_runs, instanced),
     )
 
@@ -160,48 +163,36 @@ def instance_indices(objects: ObjectList, device: wp.Device) -> frozenset[int]:
     return frozenset(plan_traversal(objects, device).instances.tolist())
 
 
-def _mesh_of(item: SceneObject | Instances) -> SharedMesh | None:
-    """Return the mesh that a static object shares with others."""
-    return item.mesh if isinstance(item, Instances) else item.shared_mesh
-
-
-def _find_instanced_meshes(static: Sequence[_Run], device: wp.Device) -> set[int]:
-    """Return the ids of shared meshes whose static objects are traversed faster as instances."""
-    uses: dict[int, int] = {}
-    triangles = {}
-    for _, count, item in static:
-        mesh = _mesh_of(item)
-        if mesh is not None:
-            uses[id(mesh)] = uses.get(id(mesh), 0) + count
-            triangles[id(mesh)] = len(mesh.faces)
+def _find_instanced_meshes(static: Sequence[Run], device: wp.Device) -> set[Mesh]:
+    """Return the shared meshes whose static objects are traversed faster as instances."""
+    uses: Counter[Mesh] = Counter()
+    for _, count, item, _ in static:
+        if item.shares_mesh:
+            uses[item.mesh] += count
     min_saved = _MIN_SAVED if device.is_cpu else _MIN_SAVED_CUDA
     return {
         mesh
         for mesh, count in uses.items()
-        if count >= _MIN_USES and triangles[mesh] >= _MIN_TRIANGLES and (count - 1) * triangles[mesh] >= min_saved
+        if count >= _MIN_USES and len(mesh.faces) >= _MIN_TRIANGLES and (count - 1) * len(mesh.faces) >= min_saved
     }
 
 
-def _indices(runs: Sequence[_Run]) -> NDArray[np.int32]:
-    parts = chain.from_iterable(range(first, first + count) for first, count, _ in runs)
+def _indices(runs: Sequence[Run]) -> NDArray[np.int32]:
+    parts = chain.from_iterable(range(run.first, run.first + run.length) for run in runs)
     return np.fromiter(parts, dtype=np.int32)
 
 
-def _poses(runs: Sequence[_Run], total: int) -> NDArray[np.float32]:
-    poses, end = np.zeros((total, 7), dtype=np.float32), 0
-    for first, count, item in runs:
-        start, end = end, end + count
-        poses[start:end] = item.poses(first, count) if isinstance(item, Instances) else item.place
-    return poses
+def _poses(runs: Sequence[Run]) -> NDArray[np.float32]:
+    return np.concatenate([np.zeros((0, 7), dtype=np.float32), *(run.rows.astype(np.float32) for run in runs)])
 
 
 def _solids(
-    movable_runs: Sequence[_Run], total: int
+    movable_runs: Sequence[Run], total: int
 ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float32]]:
     """Return kinds, sizes and half extents of the solids of objects with their own frames."""
     kinds, sizes = np.zeros(total, dtype=np.int32), np.ones((total, SOLID_WORDS), dtype=np.float32)
     corners, end = np.zeros((total, 3), dtype=np.float32), 0
-    for _, count, item in movable_runs:
+    for _, count, item, _ in movable_runs:
         start, end = end, end + count
         if item.solid is not None:
             kinds[start:end], sizes[start:end] = item.solid.kind, [*item.solid.radii, item.solid.half]
@@ -210,40 +201,83 @@ def _solids(
 
 
 def _find_meshes(
-    objects: ObjectList, pieces: dict[int, list[int]], movable_runs: Sequence[_Run], instanced: Sequence[_Run]
+    objects: ObjectList, pieces: dict[int, list[int]], movable_runs: Sequence[Run], instanced: Sequence[Run]
 ) -> list[InstancedMesh]:
     """Find the distinct meshes of the objects with their own frames, in order of first use."""
-    from warpvis.scene.acceleration.refit import check_values
-
     meshes: dict[int | tuple[bytes, bytes], InstancedMesh] = {}
     of_arrays: dict[tuple[int, int], InstancedMesh] = {}  # identical arrays need not be compared
     end = 0
-    for first, count, item in chain(movable_runs, instanced):
+    for first, count, item, _ in chain(movable_runs, instanced):
         start, end = end, end + count
-        shared = None if isinstance(item, SceneObject) and item.pose is not None else _mesh_of(item)
-        if shared is not None:
-            vertices, faces = shared.rounded, shared.faces
+        found = InstancedMesh(item.mesh)
+        if first in pieces:
+            mesh, owner = join_meshes(objects, pieces[first])
+            found = meshes[first] = InstancedMesh(mesh, owner=owner)
+        elif item.mesh.deforms:
+            # GPU vertices are unchecked so far: builders cannot handle NaN.
+            check_values(found.snapshot.rounded, item.name)
+            meshes[first] = found
         else:
-            assert isinstance(item, SceneObject) and item.mesh_vertices is not None
-            vertices, faces = item.mesh_vertices, item.faces
-            if first in pieces:
-                parts = [objects[index] for index in pieces[first]]
-                flat = flatten([frame_vertices(part) for part in parts], [part.faces for part in parts], pieces[first])
-                meshes[first] = InstancedMesh(*flat[:2], [range(start, end)], owner=flat[2])
-                continue
-            if item.points is not None:
-                check_values(vertices, item.name)  # GPU vertices are unchecked so far: builders cannot handle NaN
-                meshes[first] = InstancedMesh(vertices, faces, [range(start, end)], item.points)
-                continue
-        arrays = id(vertices), id(faces)
-        if arrays not in of_arrays:
-            found = InstancedMesh(vertices, faces)
-            of_arrays[arrays] = meshes.setdefault((vertices.tobytes(), faces.tobytes()), found)
-        of_arrays[arrays].members.append(range(start, end))
+            vertices, faces = item.mesh.rounded, item.faces
+            arrays = id(vertices), id(faces)
+            if arrays not in of_arrays:
+                of_arrays[arrays] = meshes.setdefault((vertices.tobytes(), faces.tobytes()), found)
+            found = of_arrays[arrays]
+        found.members.append(range(start, end))
     return list(meshes.values())
 
 
-def frame_vertices(item: SceneObject) -> NDArray[np.float32]:
-    """Return the corners of a movable object in its frame, or of an attached object in its parent's frame."""
-    assert item.mesh_vertices is not None
-    return item.mesh_vertices
+def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np.ndarray:
+    """Build a tree of boxes in the world for stackless traversal: `InstanceStep` of the kernels, in depth-first order.
+
+    If the box of a step is missed, traversal skips to `after`, past its whole subtree; else it goes on with the next
+    step (Smits 1998, "Efficiency issues for ray tracing").
+
+    Args:
+        boxes: Minimum and maximum corner of each instance's box [m], shape ``(n, 2, 3)``.
+        poses: Their poses, shape ``(n, 7)``.
+    """
+    from warpvis.kernels.casting.triangle_scene import InstanceStep
+
+    corners = np.arange(2 * len(boxes), dtype=np.int32).reshape(-1, 2)
+    tree = build_bvh(  # each triangle is a diagonal of a box
+        boxes.reshape(-1, 3),
+        corners[:, [0, 1, 0]],
+        np.zeros(len(boxes), dtype=np.int32),
+        np.zeros(1, dtype=bool),
+        lanes=CPU_LANES,
+    )
+    source, after = _walk(tree, len(boxes))
+    nodes = tree.nodes.numpy().reshape(-1, NODE_ROWS, tree.lanes)
+    sides = [nodes[:, row : row + 3].transpose(0, 2, 1).reshape(-1, 3) for row in (NODE_LOW_ROW, NODE_HIGH_ROW)]
+    every_box = np.concatenate([boxes, np.stack(sides, axis=1)])
+    steps: np.ndarray = np.zeros(len(source), dtype=InstanceStep.numpy_dtype())
+    steps["low"], steps["high"] = every_box[source, 0], every_box[source, 1]
+    steps["after"], steps["instance"] = after, np.where(source < len(boxes), source, -1)
+    steps["pose"][: len(poses)] = poses
+    return steps
+
+
+def _walk(tree: Bvh, count: int) -> tuple[NDArray[np.intp], NDArray[np.int32]]:
+    """Return each step's box, an instance below `count` or `count` plus a child slot, and each step's `after`."""
+    children = tree.children.numpy().reshape(-1, tree.lanes)
+    leaves = [leaf[leaf >= 0].tolist() for leaf in tree.triangles.numpy().reshape(-1, tree.lanes)]
+    source: list[int] = []
+    after: list[int] = []
+
+    def visit(node: int) -> None:
+        for lane, child in enumerate(children[node].tolist()):
+            if child == 0:
+                continue
+            step = len(source)
+            source.append(count + node * tree.lanes + lane)
+            after.append(0)
+            if child > 0:
+                visit(child)
+            else:
+                source.extend(leaves[~child])
+                after.extend(range(step + 2, len(source) + 1))
+            after[step] = len(source)
+
+    visit(0)
+    return np.array(source, dtype=np.intp), np.array(after, dtype=np.int32)

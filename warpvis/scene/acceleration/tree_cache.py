@@ -9,9 +9,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
+from warpvis.scene._mesh import Mesh
 from warpvis.scene._object import SceneObject
 from warpvis.scene.acceleration.bvh import Bvh, build_bvh
-from warpvis.scene.acceleration.bvh_cuda import DeviceMesh, build_device_bvh, builds_on
+from warpvis.scene.acceleration.bvh_cuda import build_device_bvh, builds_on
 from warpvis.scene.closed import provably_closed
 
 _Key = tuple[bytes, ...]
@@ -35,22 +36,19 @@ class TreeCache:
 
     def tree(
         self,
-        vertices: NDArray[np.float32],
-        faces: NDArray[np.int32],
+        mesh: Mesh,
         owner: NDArray[np.int32],
         closed: NDArray[np.bool_],
         lanes: int,
         device: wp.Device,
     ) -> Bvh:
-        """Return the tree of the triangles, built on a GPU where that is faster. Cached trees must not be modified."""
+        """Return the tree of a mesh, built on a GPU where that is faster. Cached trees must not be modified."""
         if not self.keep:
-            return build_tree(vertices, faces, owner, closed, lanes, device)
+            return build_tree(mesh, owner, closed, lanes, device)
         # Only the flags of the triangles' objects matter.
-        owner_closed = closed[owner]
-        key = (vertices.tobytes(), faces.tobytes(), owner.tobytes(), owner_closed.tobytes(), bytes([lanes]))
-        found = self._previous.get(key)
-        if found is None:
-            found = build_tree(vertices, faces, owner, closed, lanes, device)
+        arrays = mesh.rounded, mesh.faces, owner, closed[owner]
+        key = (*(array.tobytes() for array in arrays), bytes([lanes]))
+        found = self._previous.get(key) or build_tree(mesh, owner, closed, lanes, device)
         self._current[key] = found
         return found
 
@@ -65,8 +63,8 @@ class TreeCache:
 
     def set_closed(self, item: SceneObject, closed: bool) -> None:
         """Store whether an object's mesh is closed, so that it is not checked."""
-        vertices = item.vertices if item.mesh_vertices is None else item.mesh_vertices
-        self._closed[id(vertices), id(item.faces)] = (vertices, item.faces, closed)
+        vertices, faces = item.frame_vertices, item.faces
+        self._closed[id(vertices), id(faces)] = vertices, faces, closed
 
     def finish(self) -> None:
         """Drop entries that this build did not use."""
@@ -74,18 +72,22 @@ class TreeCache:
         self._closed, self._current_closed = self._current_closed, {}
 
 
-def build_tree(
-    vertices: NDArray[np.float32],
-    faces: NDArray[np.int32],
-    owner: NDArray[np.int32],
-    closed: NDArray[np.bool_],
-    lanes: int,
-    device: wp.Device,
-) -> Bvh:
+def build_tree(mesh: Mesh, owner: NDArray[np.int32], closed: NDArray[np.bool_], lanes: int, device: wp.Device) -> Bvh:
     """Build a tree on the CPU, or on its GPU if it has many triangles."""
     from warpvis.kernels.casting.packets_cuda import LEVELS
 
-    if lanes == CUDA_LANES and builds_on(device, len(faces)):
-        return build_device_bvh(DeviceMesh.of(vertices, faces, owner, closed, device), max_levels=LEVELS)
-    max_levels = LEVELS if lanes == CUDA_LANES else None
-    return build_bvh(vertices, faces, owner, closed, lanes=lanes, max_levels=max_levels)
+    arrays = mesh.rounded, mesh.faces, owner, closed
+    if lanes == CUDA_LANES and builds_on(device, len(mesh.faces)):
+        return build_device_bvh(*arrays, device, max_levels=LEVELS)
+    return build_bvh(*arrays, lanes=lanes, max_levels=LEVELS if lanes == CUDA_LANES else None)
+
+
+def build_object_tree(item: SceneObject, closed: bool, lanes: int, device: wp.Device) -> Bvh:
+    """Build the tree of a movable object, on the device if its mesh is there."""
+    from warpvis.kernels.casting.packets_cuda import LEVELS
+
+    mesh, flags = item.mesh, np.array([closed])
+    if isinstance(mesh.source_faces, wp.array):
+        owner = wp.zeros(item.triangle_count, dtype=wp.int32, device=device)
+        return build_device_bvh(mesh.source, mesh.source_faces, owner, flags, device, max_levels=LEVELS)
+    return build_tree(mesh, np.zeros(item.triangle_count, dtype=np.int32), flags, lanes, device)

@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""New vertices of an object, for `Scene.update_vertices`, or a new mesh, for `Scene.update_mesh`."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
+from warpvis.core.kernel_cache import launch
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, SceneError
+from warpvis.scene._mesh import Mesh, check_indices, check_mesh, check_values
+from warpvis.scene._object import SceneObject
+
+
+def as_deforming(item: SceneObject, device: wp.Device) -> SceneObject:
+    """Return a movable object whose vertices are on the device, and not initialized."""
+    points = wp.empty(len(item.mesh.source), dtype=wp.vec3, device=device)
+    mesh = Mesh(points, item.faces, deforms=True)
+    return SceneObject(item.name, item.label, mesh, item.pose, lazy_appearance=item.lazy_appearance)
+
+
+def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
+    """Convert an object's new vertices to vec3: host arrays are checked and stay on the host, others are on the device.
+
+    Raises:
+        SceneError: If they are malformed.
+    """
+    name, count = item.name, len(item.mesh.source)
+    if on_gpu(vertices):
+        result = _on_device(vertices, wp.vec3, "n", f"vertices of {name!r}", device)
+    else:
+        try:
+            host = as_numpy(vertices, name=f"vertices of {name!r}")
+        except ArrayError as error:
+            raise SceneError(str(error)) from None
+        if host.ndim != 2 or host.shape[1] != 3:
+            raise SceneError(f"vertices of {name!r} must have shape ({count}, 3), got {host.shape}")
+        check_values(host, name)
+        result = wp.array(np.ascontiguousarray(host, dtype=np.float32), dtype=wp.vec3, device="cpu", copy=False)
+    if len(result) != count:
+        raise SceneError(f"vertices of {name!r} must have {count} rows, as before, got {len(result)}")
+    return result
+
+
+def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None, device: wp.Device) -> SceneObject:
+    """Return the object with another mesh, in its own frame if it is movable, else in the world's.
+
+    Args:
+        item: The object; neither attached to another one nor the parent of others.
+        vertices: Corners [m], shape ``(n, 3)``.
+        faces: Corner indices of the triangles, shape ``(m, 3)``; None for the object's present faces.
+        device: The scene's device.
+
+    Raises:
+        SceneError: If the mesh is empty or malformed.
+    """
+    name, appearance = item.name, item.lazy_appearance
+    new_faces = item.faces if faces is None else faces
+    if item.pose is not None and on_gpu(vertices) and on_gpu(new_faces):
+        mesh, is_alike = _mesh_on_device(vertices, new_faces, name, device), False
+    else:
+        corners, triangles = check_mesh((_host(vertices, "vertices", name), _host(new_faces, "faces", name)), name)
+        if np.abs(corners).max() > FARTHEST:
+            origin = "the origin of its frame" if item.movable else "the origin"
+            raise SceneError(f"vertices of {name!r} must lie within 1e18 m of {origin}")
+        mesh = Mesh(np.ascontiguousarray(corners, dtype=np.float32), triangles)
+        is_alike = len(corners) == len(item.mesh.source) and np.array_equal(triangles, item.faces)
+    appearance = appearance if appearance is None or is_alike else appearance.for_any_mesh()
+    return SceneObject(name, item.label, mesh, item.pose, lazy_appearance=appearance)
+
+
+def _mesh_on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.Device) -> Mesh:
+    """Copy a mesh that is on the scene's GPU, and check it there."""
+    from warpvis.kernels.bvh.items_cuda import check_mesh as find_bad
+
+    corners = wp.clone(_on_device(vertices, wp.vec3, "n", f"vertices of {name!r}", device))
+    triangles = wp.clone(_on_device(faces, wp.vec3i, "m", f"faces of {name!r}", device))
+    if not len(triangles):
+        raise SceneError(f"mesh of {name!r} must have triangles, got none")
+    indices, limits = triangles.view(wp.int32).reshape((len(triangles), 3)), np.iinfo(np.int32)
+    found = wp.array([0, limits.max, limits.max, limits.min], dtype=wp.int32, device=device)
+    launch(find_bad, max(len(corners), len(indices)), [corners, indices, FARTHEST, found], device)
+    bad, first, low, high = found.numpy().tolist()
+    if bad:
+        raise SceneError(
+            f"vertices of {name!r} must be finite and within 1e18 m of the origin of its frame: {bad} are not, the "
+            f"first at {first}"
+        )
+    check_indices(low, high, len(corners), name)
+    return Mesh(corners, indices)
+
+
+def _on_device(value: ArrayInput, kind: type, dimension: str, subject: str, device: wp.Device) -> wp.array:
+    """Convert an array of vectors, or of rows of three numbers, on a GPU."""
+    scalar = kind._wp_scalar_type_  # type: ignore[attr-defined]
+    if isinstance(value, wp.array) and value.dtype == scalar and value.ndim == 2 and value.shape[1] == 3:
+        value = value.contiguous().view(kind).reshape((value.shape[0],))
+    try:
+        return as_warp(value, kind, (dimension,), name=subject, device=device)
+    except ArrayError as error:
+        raise SceneError(str(error)) from None
+
+
+def _host(array: ArrayInput, kind: str, name: str) -> ArrayInput:
+    """Copy a GPU array to the host; return any other array unchanged."""
+    if isinstance(array, wp.array):
+        return array.numpy()
+    if not on_gpu(array):
+        return array
+    try:
+        return wp.from_dlpack(array).numpy()
+    except (RuntimeError, TypeError) as error:
+        raise SceneError(f"{kind} of {name!r} must be an array of numbers: {error}") from None
