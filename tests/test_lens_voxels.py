@@ -12,7 +12,7 @@ import warpvis as wv
 from warpvis import Label
 from warpvis.cameras import LensCamera, lenses
 from warpvis.errors import PoseError
-from warpvis.maps import Voxel, _lens_voxels, plan_visibility, voxel_map, voxel_map_from_scene
+from warpvis.maps import Voxel, _voxel_views, plan_visibility, voxel_map, voxel_map_from_scene
 
 from support.voxels import BOUNDS, BOX_BACK, BOX_FRONT, POSES, assert_matches_twin, at, build, same
 
@@ -90,7 +90,7 @@ def test_chunks_and_threads_do_not_change_maps(monkeypatch, device):
     whole = voxel_map(*arguments, **options, threads=1)
     assert same(voxel_map(*arguments, **options, threads=3), whole)
     for at_once in (48 * 25 * 10, 1):  # ten layers of 57, or one
-        monkeypatch.setattr(_lens_voxels, "_AT_ONCE", at_once)
+        monkeypatch.setattr(_voxel_views, "_AT_ONCE", at_once)
         assert same(voxel_map(*arguments, **options), whole)
     added = voxel_map(views.depth.numpy()[:1], camera, POSES[:1], bounds=BOUNDS, labels=views.labels.numpy()[:1])
     if device == "cpu":
