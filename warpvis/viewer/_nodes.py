@@ -136,6 +136,7 @@ class AgentMark:
     def __init__(self, scene: SceneApi, agent: Agent, color: tuple[int, int, int]) -> None:
         """Add the mark to the page."""
         self._path, self._color = f"/agents/{agent.name}", color
+        self._style = {"color": color, "thickness": 0.008, "cast_shadow": False, "receive_shadow": False}
         self._scene = scene
         self.frame = scene.add_frame(self._path, show_axes=False)
         scene.add_label(f"{self._path}/name", agent.name, position=(0, -0.15, 0), anchor="bottom-center")
@@ -157,24 +158,11 @@ class AgentMark:
             self._scene.add_line_segments(f"{self._path}/field", segments, self._color, thickness=0.008)
             attention = None if agent.attention is None else as_pinhole(agent.attention)
             if attention is not None:
-                self._frustum = self._add_frustum(attention)
+                self._frustum = _add_frustum(self._scene, f"{self._path}/frustum", attention, **self._style)
         elif agent.pinhole is not None:
-            self._frustum = self._add_frustum(agent.pinhole)
+            self._frustum = _add_frustum(self._scene, f"{self._path}/frustum", agent.pinhole, **self._style)
         else:
             self._scene.add_frame(f"{self._path}/axes", axes_length=0.2, axes_radius=0.008)
-
-    def _add_frustum(self, camera: Camera) -> Any:
-        aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
-        return self._scene.add_camera_frustum(
-            f"{self._path}/frustum",
-            fov=camera.vfov,
-            aspect=aspect,
-            scale=_FRUSTUM_SIZE,
-            color=self._color,
-            thickness=0.008,
-            cast_shadow=False,
-            receive_shadow=False,
-        )
 
 
 class CloudNode:
@@ -238,15 +226,7 @@ class ProposalMark:
     def show(self, camera: Camera, pose: NDArray[np.float64]) -> None:
         """Show the frustum at a pose, row ``x y z qx qy qz qw``."""
         self.clear()
-        aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
-        self.node = self._scene.add_camera_frustum(
-            "/proposal",
-            fov=camera.vfov,
-            aspect=aspect,
-            scale=_FRUSTUM_SIZE,
-            color=STATE_COLORS[State.BOTH],
-            thickness=0.012,
-        )
+        self.node = _add_frustum(self._scene, "/proposal", camera, color=STATE_COLORS[State.BOTH], thickness=0.012)
         place(self.node, pose)
 
     def clear(self) -> None:
@@ -254,6 +234,11 @@ class ProposalMark:
         if self.node is not None:
             self.node.remove()
             self.node = None
+
+
+def _add_frustum(scene: SceneApi, path: str, camera: Camera, **style: Any) -> Any:
+    aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
+    return scene.add_camera_frustum(path, fov=camera.vfov, aspect=aspect, scale=_FRUSTUM_SIZE, **style)
 
 
 def place(node: Any, pose: NDArray[np.floating]) -> None:
@@ -335,12 +320,7 @@ class Gizmos:
 
 
 def level_frame(eyes: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Return the frame at a camera's position with axes forward along the ground, left and up.
-
-    Args:
-        eyes: Camera to world, OpenCV axes, ``(4, 4)``.
-        vertical: Index of the world's vertical axis.
-    """
+    """Return the frame at a camera ``(4, 4)`` with axes forward along the ground, left and up (axis `vertical`)."""
     up = np.eye(3)[vertical]
     forward = eyes[:3, 2] - up * eyes[vertical, 2]
     if np.linalg.norm(forward) < 1e-6:  # straight down or up: use the image's up or down direction

@@ -68,17 +68,13 @@ class Page:
         self.proposal = ProposalMark(server.scene)
         self.gizmos = Gizmos(server.scene, state, self.update)
         shown = {"handles": self.gizmos, "meshes": self.meshes, "lines of sight": self.sight}
-        self.panel = Panel(server.gui, state, self.update, self.act, shown, self)
+        self.panel = Panel(server.gui, state, self.update, self.act, shown, self.propose, self.go_there)
         self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
         self._worker.start()
         self.update(wait=True)
 
     def update(self, *, wait: bool = False) -> None:
-        """Request an update; requests during an update are merged into one.
-
-        Args:
-            wait: Whether to wait until the update is shown.
-        """
+        """Request an update, and optionally wait until it is shown; requests during an update are merged into one."""
         with self._updated:
             self._requested += 1
             request = self._requested

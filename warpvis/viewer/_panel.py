@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +37,6 @@ _MAP_CELLS = 160
 """Number of cells along a floor map's longer side."""
 
 
-class Actions(Protocol):
-    """Actions of the page's buttons."""
-
-    def propose(self) -> tuple[str, bool]:
-        """Show the proposed pose of the first agent; return its description and whether there is a proposal."""
-
-    def go_there(self) -> None:
-        """Move the first agent to the proposed pose."""
-
-
 _PICTURES = {"depth": "depth", "visibility": "objects"}
 _CLOUDS = {"visibility": "visibility", "labels of the depth image": "labels", "none": "none"}
 _MAX_HEIGHT, _MIN_FAR, _MAX_FAR = 3.0, 0.5, 20.0
@@ -65,20 +55,12 @@ class Panel:
         update: Callable[[], None],
         act: Act,
         shown: Mapping[str, Any],
-        actions: Actions,
+        propose: Callable[[], tuple[str, bool]],
+        go_there: Callable[[], None],
     ) -> None:
-        """Add the elements to the page.
-
-        Args:
-            gui: The page's panel.
-            state: The state that is shown.
-            update: Function that updates the page.
-            act: Function that calls a function that changes the state, and updates the page.
-            shown: Nodes of the 3D view that can be hidden through their attribute `visible`, by name.
-            actions: Actions of the buttons.
-        """
+        """Add the elements; `shown` are nodes of the 3D view that can be hidden by their attribute `visible`."""
         self._gui, self._state, self._update, self._act = gui, state, update, act
-        self._actions = actions
+        self._propose, self._go_there = propose, go_there
         names = list(state.agents)
         self.message = gui.add_markdown("", visible=False)
         self.table = gui.add_html("")
@@ -118,12 +100,12 @@ class Panel:
 
             @propose_button.on_click
             def asked(_: object) -> None:
-                self.answer.content, go_button.visible = self._actions.propose()
+                self.answer.content, go_button.visible = self._propose()
                 self.answer.visible = True
 
             @go_button.on_click
             def gone(_: object) -> None:
-                self._actions.go_there()
+                self._go_there()
                 self.answer.visible = go_button.visible = False
 
         reset = gui.add_button("Reset scene")
@@ -296,13 +278,7 @@ class Panel:
 
 
 def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radius: float) -> Proposal | str:
-    """Propose a pose of the first agent from which it sees objects that only the second one sees.
-
-    Args:
-        state: State with the scene.
-        snapshot: The current situation.
-        max_distance: Maximum distance to the pose [m].
-        radius: Radius of the first agent [m].
+    """Propose a pose of the first agent, within `max_distance` [m], to see objects that only the second one sees.
 
     Returns:
         The proposal, or the reason why there is none.

@@ -19,6 +19,7 @@ from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1
 from warpvis.visibility import Agent, FieldOfView
 from warpvis.viz import depth_colors
+from warpvis.viz._agent_views import equirectangular
 
 PictureKind = Literal["depth", "objects"]
 
@@ -54,13 +55,9 @@ class AgentPicture:
     def __init__(
         self, scene: Scene, camera: ImageCamera | FieldOfView, reach: float, sensor: DepthSensor | None = None
     ) -> None:
-        """Set up the renderers.
+        """Set up the renderers; a sensor is ignored for a `FieldOfView`.
 
-        Args:
-            scene: The scene.
-            camera: The agent's camera or field of view.
-            reach: Half of the scene's diagonal [m]: depth of the last color if the camera's range exceeds the diagonal.
-            sensor: A depth camera model, ignored for a `FieldOfView`; None for exact depth.
+        `reach` is half of the scene's diagonal [m]: depth of the last color if the camera's range exceeds the diagonal.
         """
         self.scene, self.camera, self.reach = scene, camera, reach
         self._faces: list[tuple[Renderer, NDArray[np.float32], NDArray[np.bool_]]] = []
@@ -102,31 +99,16 @@ class AgentPicture:
         return seen
 
     def draw(self, seen: Seen, kind: PictureKind, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Return a color picture of a view.
+        """Return a color picture of a view, ``(h, w, 3)``.
 
-        Args:
-            seen: Result of `render`.
-            kind: ``"depth"``, or ``"objects"``.
-            colors: RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``.
-
-        Returns:
-            RGB image, ``(h, w, 3)`` uint8.
+        `colors` are those of every object and, last, of pixels without an object, ``(objects + 1, 3)``.
         """
         return _depth_picture(seen.depth, self.depth_range) if kind == "depth" else colors[seen.objects]
 
     def _prepare_faces(self, field: FieldOfView) -> None:
         """Compute the face and the position in its image of each pixel of the picture."""
-        sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
-        scale = min(_PIXELS_PER_DEGREE, _WIDTH / (2 * sides))
-        width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
-        azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
-        elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
-        faces = field.faces()
-        face_of = np.minimum((azimuths + field.hfov / 2) * len(faces) // field.hfov, len(faces) - 1).astype(int)
-        for k, face in enumerate(faces):
-            columns = face_of == k
-            offset = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
-            rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
+        scale = min(_PIXELS_PER_DEGREE, _WIDTH / math.degrees(field.hfov))
+        for face, (columns, rays) in zip(field.faces(), equirectangular(field, scale)[1], strict=True):
             pixels = face.camera.project(rays).astype(np.float32)
             renderer = Renderer(self.scene, face.camera, outputs=_OUTPUTS)
             self._faces.append((renderer, pixels, columns))

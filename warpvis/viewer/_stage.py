@@ -37,11 +37,7 @@ class Stage:
     def from_scene(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
         """Copy a scene and make static objects movable, with origins at the centers of their boxes.
 
-        Args:
-            scene: The scene; it is not changed.
-            bodies: Names of the objects that are agents' bodies: they move with the agents and cannot be dragged.
-            movable: Names or patterns of the objects that may be dragged; by default objects that are labeled as an
-                object, a person or a robot, or are movable already; none if these are more than 40.
+        Agents' `bodies` move with the agents and cannot be dragged; for `movable`, see `ViewerState`.
         """
         items = list(require_scene(scene).require_objects())
         body_names = {scene.objects[scene.index(name)].name for name in bodies}

@@ -308,8 +308,6 @@ class ViewerState:
 
     def colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
         """Return the RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``."""
-        from warpvis.viz import STATE_COLORS
-
         bodies = {body for agent in self.agents.values() for body in agent.body}
         rows = []
         for item in self.scene.objects:

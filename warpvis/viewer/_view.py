@@ -12,7 +12,6 @@ import socket
 import threading
 from collections.abc import Sequence
 from dataclasses import replace
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from warpvis.cameras.frames import Frames
@@ -75,14 +74,10 @@ class Viewer:
         self.page.update(wait=True)
 
     def save_html(self, path: str | os.PathLike[str], *, title: str = "warpvis") -> None:
-        """Write the current page to one file that a browser opens without a server or a network.
-
-        Args:
-            path: File to write, ``.html``.
-            title: Title of the page and of the table.
+        """Write the page and its table to one ``.html`` file that a browser opens without a server or a network.
 
         Raises:
-            WarpvisError: If the file cannot be written.
+            FileFormatError: If the file cannot be written.
         """
         write_page(self.page, path, title)
 
@@ -102,9 +97,7 @@ class Viewer:
     def __enter__(self) -> Viewer:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
@@ -127,13 +120,11 @@ def view(
             each body form one object, and joints have sliders.
         agents: One or two agents: a robot and a person. By default, a robot with `camera` that sees the whole scene.
         camera: Camera of the default robot; by default `Camera.kinect` with unlimited range.
-        movable: Names or patterns of the objects that may be dragged; by default objects that are labeled as an object,
-            a person or a robot, or are movable already; none if these are more than 40.
-        objects: Names of the objects in the table; by default the first 16 objects except the ground, and if there are
-            more, without obstacles and with robots last.
-        frames: Frames to play with a slider, with poses of the first agent and the scene's movable objects.
-        host: Address to listen on. By default, only this machine can open the page.
-        port: Port to listen on; if it is in use, the next free one.
+        movable: As for `ViewerState`, like `objects` and `frames`, which are played with a slider.
+        objects: Names of the objects in the table.
+        frames: Frames to play.
+        host: As for `Viewer`, like `port` and `dark`.
+        port: Port to listen on.
         dark: Whether the page is dark.
 
     Returns:
@@ -152,12 +143,7 @@ def view(
 
 
 def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
-    """Create a robot at a pose from which it sees the whole scene.
-
-    Args:
-        scene: The scene.
-        camera: Camera of the robot; by default `Camera.kinect` with unlimited range.
-    """
+    """Create a robot that sees the whole scene, with a camera, by default `Camera.kinect` with unlimited range."""
     from warpvis.pose_generators import framing
 
     require_scene(scene).require_objects()

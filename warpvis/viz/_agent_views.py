@@ -7,14 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, is_whole, pluralize
 from warpvis.core.labels import Label
-from warpvis.core.types import Excluded, ObjectPoses
+from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene, require_scene
@@ -115,13 +115,6 @@ class PanelData:
         return pose_of(self.agents[agent], self.view)
 
 
-class _World(TypedDict):
-    """Arguments of `Renderer.render` that define the situation."""
-
-    object_poses: ObjectPoses
-    exclude: Excluded
-
-
 @dataclass(frozen=True)
 class AgentView:
     """Images of an agent's view in one situation."""
@@ -143,7 +136,7 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
 
     The axes of the image of a `FieldOfView` are azimuth and elevation (equirectangular). It covers the field's images.
     """
-    options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
     if isinstance(agent.camera, FieldOfView):
         return _panorama(scene, agent, view, options)
     camera = agent.camera
@@ -162,7 +155,7 @@ def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
 
 def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
     """Render points, labels and objects of all faces of an agent in one situation."""
-    options: _World = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
     found = []
     faces = agent.faces
     for k, face in enumerate(faces):
@@ -177,22 +170,14 @@ def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: O
     return found
 
 
-def _panorama(scene: Scene, agent: Agent, view: int, options: _World) -> AgentView:
+def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) -> AgentView:
     field, faces = agent.camera, agent.faces
     assert isinstance(field, FieldOfView)
-    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
-    width, height = math.ceil(2 * sides * _PIXELS_PER_DEGREE), math.ceil((up + down) * _PIXELS_PER_DEGREE)
-    azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
-    elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
-    face_of = np.minimum((azimuths + field.hfov / 2) * len(faces) // field.hfov, len(faces) - 1).astype(int)
-
+    (height, width), parts = equirectangular(field, _PIXELS_PER_DEGREE)
     distance = np.full((height, width), np.inf)
     normals = np.full((height, width, 3), np.nan, dtype=np.float32)
     objects = np.full((height, width), -1, dtype=np.int32)
-    for k, face in enumerate(faces):
-        columns = face_of == k
-        offset = azimuths[columns] - ((k + 0.5) * field.hfov / len(faces) - field.hfov / 2)
-        rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
+    for face, (columns, rays) in zip(faces, parts, strict=True):
         pixels = face.camera.project(rays).astype(np.float32)
         poses = agent.face_poses(face)
         renderer = Renderer(scene, face.camera, outputs=("depth", "normals", "segmentation"))
@@ -205,4 +190,29 @@ def _panorama(scene: Scene, agent: Agent, view: int, options: _World) -> AgentVi
     if agent.attention is not None:
         x, y, z = border_rays(agent.attention).T
         border = np.degrees(np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=1))
+    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
     return AgentView(distance, normals, objects, (-sides, sides, -down, up), border)
+
+
+def equirectangular(
+    field: FieldOfView, scale: float
+) -> tuple[tuple[int, int], list[tuple[NDArray[np.bool_], NDArray[np.float64]]]]:
+    """Divide an equirectangular image with `scale` pixels per degree among the faces of a field of view.
+
+    Returns:
+        Height and width of the image; and for each face its columns, ``(w,)``, and the rays of their pixels in the
+        frame of the face's camera, ``(h, n, 3)``, with z = 1.
+    """
+    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
+    width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
+    azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
+    elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
+    count = len(field.faces())
+    face_of = np.minimum((azimuths + field.hfov / 2) * count // field.hfov, count - 1).astype(int)
+    parts = []
+    for k in range(count):
+        columns = face_of == k
+        offset = azimuths[columns] - ((k + 0.5) * field.hfov / count - field.hfov / 2)
+        rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
+        parts.append((columns, rays))
+    return (height, width), parts
