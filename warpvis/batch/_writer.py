@@ -99,7 +99,6 @@ class ShardWriter:
         """Set when a shard could not be written; `run` raises the error before its next shard, or after its last."""
 
     def __enter__(self) -> ShardWriter:
-        """Return this writer."""
         return self
 
     def __exit__(self, *error: object) -> None:

@@ -14,7 +14,8 @@ from warpvis.cli._help import with_help
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
 from warpvis.cli._output import format_rows, require_place, write_json
 from warpvis.core.checks import format_fraction
-from warpvis.errors import ArrayError, FileFormatError
+from warpvis.core.file_content import writing
+from warpvis.errors import ArrayError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -53,7 +54,6 @@ class Check(FrameOptions):
     """Device to compute on: cpu, cuda:0, ..."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.io import read_points
 
         self._check_options()
@@ -144,10 +144,8 @@ class Check(FrameOptions):
         kinds = [kind for kind in Visibility if kind != Visibility.UNKNOWN][::-1]
         counts = [{kind.name: int((row == kind).sum()) for kind in kinds} for row in status]
         if self.out is not None and self.out.suffix.lower() == ".npy":
-            try:
+            with writing(self.out):
                 np.save(self.out, status)
-            except OSError as error:
-                raise FileFormatError(f"{self.out}: cannot be written: {error.strerror}") from None
         elif self.out is not None:
             names = np.array([kind.name for kind in Visibility])
             views = [

@@ -130,7 +130,6 @@ class Batch(ImageOptions):
     worker."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.batch import find_format
         from warpvis.cli._interrupts import run_in_subprocess
 
@@ -190,7 +189,6 @@ class Verify:
     """Remove the records of damaged shards, so that the batch command with --resume renders them again."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.batch import verify
 
         report = verify(self.dataset, repair=self.repair)
@@ -220,7 +218,6 @@ class Warmup:
     """Device to compile for: cpu, cuda:0, ..., or cuda:all."""
 
     def run(self) -> None:
-        """Run the command."""
         import warp as wp
 
         from warpvis.batch import parse_devices, warmup

@@ -33,7 +33,6 @@ class Info(SceneOptions):
     file: MaybeSceneFile = None
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.cli._webots import is_world, print_world
 
         if self.file is None:

@@ -178,14 +178,8 @@ class ViewpointOptions(SceneOptions):
     def load_pose(self, text: str, option: str, up: str) -> NDArray[np.float64]:
         """Read one pose: six numbers (eye and target), seven numbers (a row), or a file with one pose.
 
-        Args:
-            text: ``x y z tx ty tz``, ``x y z qx qy qz qw`` with the axes of `convention` and the order of `quaternion`,
-                or a pose file.
-            option: Name of the option, for messages.
-            up: The scene's vertical axis, which points up in the image for eye and target.
-
-        Returns:
-            Row ``x y z qx qy qz qw`` in the OpenCV frame, shape ``(7,)``.
+        A row has the axes of `convention` and the order of `quaternion`; for eye and target, the scene's vertical axis
+        `up` points up in the image. Return a row ``x y z qx qy qz qw`` in the OpenCV frame, shape ``(7,)``.
         """
         from warpvis.core.poses import look_at, poses_to_opencv, to_xyzw
 

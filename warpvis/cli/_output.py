@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
+from warpvis.core.file_content import writing
 from warpvis.errors import FileFormatError
 
 # Messages about files begin with their names.
@@ -42,10 +43,8 @@ def require_place(path: Path, suffixes: Sequence[str]) -> None:
 
 def write_json(path: Path, content: Mapping[str, object]) -> None:
     """Write plain Python values as JSON."""
-    try:
+    with writing(path):
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def format_rows(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

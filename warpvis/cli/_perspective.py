@@ -63,7 +63,6 @@ class Perspective(ViewpointOptions):
     """Device to compute on: cpu, cuda:0, ..."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.core.arrays import check_length
         from warpvis.core.labels import Label
         from warpvis.planning import propose_view

@@ -87,7 +87,6 @@ class Render(ImageOptions):
     """Webots worlds only: values as computed by the Webots version in the world's header, instead of true depth."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.cli._webots import is_world, render_world
 
         if self.lidar is not None:

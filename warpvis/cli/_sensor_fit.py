@@ -39,7 +39,6 @@ class SensorFit:
     """Output picture: errors, their histogram and autocorrelation, and errors by depth."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.io import find_depth_images, load_camera, read_depth
         from warpvis.sensors import fit
 

@@ -77,7 +77,6 @@ class View(ViewpointOptions):
     """Write one file that a browser opens without a server, and exit."""
 
     def run(self) -> None:
-        """Run the command."""
         from warpvis.viewer import Viewer
 
         state = self.load()

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from warpvis.cli._output import make_folder
 from warpvis.core.checks import pluralize
-from warpvis.errors import FileFormatError, SceneError
+from warpvis.core.file_content import writing
+from warpvis.errors import SceneError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,29 +30,21 @@ def is_world(path: Path | None) -> bool:
 
 
 def print_world(path: Path, *, search_path: Sequence[Path], strict: bool, labels: LabelRules) -> Scene:
-    """Print the tree of a world, its devices, and lists of skipped and replaced nodes.
-
-    See `load_webots` for the arguments.
-
-    Returns:
-        The scene.
-    """
+    """Print the tree of a world, its devices, and lists of skipped and replaced nodes; return its scene."""
     from warpvis.webots import load_webots
 
     world = load_webots(path, search_path=search_path, strict=strict, labels=labels)
     triangles = pluralize(world.scene.triangle_count, "triangle")
     print(f"{path}: {world.version}, {world.scene.up} up, {pluralize(len(world.scene), 'object')}, {triangles}")
     print(world.tree)
-    for name, device in world.devices.items():
-        place = " ".join(f"{value:.4g}" for value in device.pose)
-        print(f"device  {name!r} of {device.robot!r}: {device.describe()}; at {place}")
-    for name, lidar in world.lidars.items():
-        place = " ".join(f"{value:.4g}" for value in lidar.pose)
-        print(f"lidar  {name!r} of {lidar.robot!r}: {lidar.describe()}; at {place}")
-    for name, count in world.skipped.items():
-        print(f"left out  {name} ({count})")
-    for name, count in world.stand_ins.items():
-        print(f"stand-in  {name} ({count})")
+    devices: dict[str, Mapping[str, Device | Lidar]] = {"device": world.devices, "lidar": world.lidars}
+    for kind, named in devices.items():
+        for name, item in named.items():
+            place = " ".join(f"{value:.4g}" for value in item.pose)
+            print(f"{kind}  {name!r} of {item.robot!r}: {item.describe()}; at {place}")
+    for kind, counts in (("left out", world.skipped), ("stand-in", world.stand_ins)):
+        for name, count in counts.items():
+            print(f"{kind}  {name} ({count})")
     return world.scene
 
 
@@ -70,10 +63,7 @@ def render_world(
     """Render range finders and lidars of a world.
 
     Range finders: OUT/NAME/depth.npz and OUT/NAME/depth/000000.png. Lidars: OUT/NAME/ranges.npz and
-    OUT/NAME/pcd/000000.pcd.
-
-    Returns:
-        Whether any of them sees anything; a warning lists those that do not.
+    OUT/NAME/pcd/000000.pcd. Return whether any of them sees anything; a warning lists those that do not.
     """
     from warpvis.webots import load_webots, render_lidar, render_range
 
@@ -175,7 +165,5 @@ def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], *, drawn
 def _write_arrays(path: Path, arrays: dict[str, NDArray[np.generic]]) -> None:
     from warpvis.batch import npz_parts
 
-    try:
+    with writing(path):
         path.write_bytes(b"".join(npz_parts(arrays)))
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror}") from None

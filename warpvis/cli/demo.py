@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,9 +13,8 @@ from pathlib import Path
 import numpy as np
 import warp as wp
 
-from warpvis.cli._output import make_folder
+from warpvis.cli._output import make_folder, write_json
 from warpvis.core.types import DeviceLike
-from warpvis.errors import FileFormatError
 from warpvis.maps import FloorMap, classify, floor_map, plan_visibility
 from warpvis.planning import propose_view
 from warpvis.rendering import Renderer, Views
@@ -86,12 +84,7 @@ class ExperimentResult:
 
 
 def run_experiment(number: int, *, device: DeviceLike = "cpu") -> ExperimentResult:
-    """Render, classify and map one experiment.
-
-    Args:
-        number: 1 to 4.
-        device: Device to compute on.
-    """
+    """Render, classify and map one experiment, `number` 1 to 4."""
     experiment = EXPERIMENTS[number - 1]
     scene = experiment.build(device)
     poses = experiment.poses()
@@ -132,14 +125,7 @@ def _shared_sighting(number: int, seen: Perspective) -> SharedSighting:
 def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
     """Run the four experiments, write two pictures of each and ``summary.json``, and print two tables.
 
-    If viser is installed, also write a page of each, which a browser opens from disk.
-
-    Args:
-        out: Output folder, which is created if it does not exist.
-        device: Device to compute on.
-
-    Returns:
-        The content of ``summary.json``.
+    If viser is installed, also write a page of each, which a browser opens from disk. Return the summary's content.
     """
     make_folder(out)
     results = [run_experiment(number, device=device) for number in range(1, len(EXPERIMENTS) + 1)]
@@ -167,10 +153,7 @@ def run_demo(out: Path, *, device: DeviceLike = "cpu") -> dict[str, object]:
         "sightings": [asdict(sighting) | {"plan_differs": sighting.plan_differs} for sighting in sightings],
         "perspectives": [asdict(item) for item in shared],
     }
-    try:
-        (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    except OSError as error:
-        raise FileFormatError(f"{out / 'summary.json'}: cannot be written: {error.strerror}") from None
+    write_json(out / "summary.json", summary)
     print(f"{format_table(sightings)}\n\n{format_states(shared)}")
     print(f"\n{speed:.0f} frames per second (320x240, depth, points, labels, segmentation) on {device}")
     print(f"pictures{' with pages' if pages else ''} and summary.json: {out}")

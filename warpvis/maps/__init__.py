@@ -13,7 +13,6 @@ from warpvis.maps._floor_map import (
     FloorMap as FloorMap,
     floor_map as floor_map,
     label_colors,
-    map_numbers as map_numbers,
 )
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
 from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap

@@ -79,7 +79,7 @@ def back_project(
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
-    points = _allocate(out, wp.vec3, depth, "out")
+    points = _allocate(out, wp.vec3, depth)
     launch_back_project(camera, poses, depth, points, threads)
     return points
 
@@ -137,10 +137,10 @@ def classify(
     ground = kernels.Ground()
     ground.up = check_up(up)
     ground.sigma = check_length(ground_tolerance, "ground_tolerance", infinite=True)
-    ground.height = _check_finite(ground_height, "ground_height")
+    ground.height = check_length(ground_height, "ground_height", signed=True)
     reach = _check_range(max_range, camera)
     balls, sphere_count = _device_spheres(spheres, depth.device)
-    labels = _allocate(out, wp.uint8, depth, "out")
+    labels = _allocate(out, wp.uint8, depth)
     if spheres_out is not None:
         check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
     launch_classify(camera, poses, depth, [reach, ground, balls, labels, spheres_out], threads, sphere_count)
@@ -173,7 +173,7 @@ def classify_rendered(
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = _read_objects(objects, depth, scene)
     reach = check_length(max_range, "max_range", infinite=True)
-    labels = _allocate(out, wp.uint8, depth, "out")
+    labels = _allocate(out, wp.uint8, depth)
     launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
     return labels
 
@@ -230,15 +230,11 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
     return struct, len(balls)
 
 
-def _allocate(out: wp.array | None, dtype: type, like: wp.array, name: str) -> wp.array:
+def _allocate(out: wp.array | None, dtype: type, like: wp.array) -> wp.array:
     if out is None:
         return empty(like.shape, dtype, name="the result", device=like.device)
-    return check_out(out, dtype, like.shape, name=name, device=like.device)
+    return check_out(out, dtype, like.shape, name="out", device=like.device)
 
 
 def _check_range(max_range: float | None, camera: ImageCamera) -> float:
     return camera.far if max_range is None else check_length(max_range, "max_range", infinite=True)
-
-
-def _check_finite(value: float, name: str) -> float:
-    return check_length(value, name, signed=True)

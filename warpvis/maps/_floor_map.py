@@ -179,41 +179,12 @@ def floor_map(
     Returns:
         The maps, on the device of `points`.
     """
+    from warpvis.kernels.maps import floor_map as kernels
+
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
     labels = read_labels(labels, points.shape, device)
     names, ground = read_classes(label_names, ground_labels)
-    return map_numbers(
-        points,
-        labels,
-        bounds=bounds,
-        cell_size=cell_size,
-        up=up,
-        level_tolerance=level_tolerance,
-        robots=robots,
-        label_names=names,
-        ground_labels=ground,
-        threads=threads,
-    )
-
-
-def map_numbers(
-    points: wp.array,
-    labels: wp.array,
-    *,
-    bounds: ArrayLike,
-    cell_size: float,
-    up: Literal["z", "y"],
-    level_tolerance: float = 0.01,
-    robots: ArrayLike = (),
-    label_names: LabelNames | None = None,
-    ground_labels: Iterable[int] = (Label.GROUND,),
-    threads: int | None = None,
-) -> FloorMap:
-    """Compute `floor_map` of Warp arrays."""
-    from warpvis.kernels.maps import floor_map as kernels
-
-    device = points.device
     low, high = _check_bounds(bounds, up)
     columns, rows = _check_cells(high - low, cell_size)
 
@@ -225,7 +196,7 @@ def map_numbers(
         cell_size,
         check_length(level_tolerance, "level_tolerance", infinite=True),
     )
-    grid.ground = ground_bits(ground_labels)
+    grid.ground = ground_bits(ground)
     discs = _check_robots(robots, device)
 
     shape = (len(points), rows, columns)
@@ -248,7 +219,7 @@ def map_numbers(
     )
     first, second = low.tolist()
     extent = (first, first + columns * cell_size, second, second + rows * cell_size)
-    return FloorMap(cells, extent, cell_size, up, LabelNames() if label_names is None else label_names)
+    return FloorMap(cells, extent, cell_size, up, names)
 
 
 def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import empty, get_device
 from warpvis.core.checks import as_path
+from warpvis.core.file_content import writing
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import check_up
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
-from warpvis.errors import ArrayError, FileFormatError
+from warpvis.errors import ArrayError
 from warpvis.maps._floor_map import FloorMap, floor_map, ground_bits
 
 
@@ -158,21 +159,18 @@ class VoxelMap:
         Raises:
             FileFormatError: If the file cannot be written.
         """
-        try:
-            with as_path(path).open("wb") as file:  # by handle, since NumPy appends a suffix to names
-                np.savez_compressed(
-                    file,
-                    states=self.states.numpy(),
-                    labels=self.labels.numpy(),
-                    origin=np.array(self.origin),
-                    cell_size=np.float64(self.cell_size),
-                    up=np.array(self.up),
-                    label_numbers=np.array(list(self.label_names), dtype=np.uint8),
-                    label_names=np.array(list(self.label_names.values())),
-                    ground_labels=np.array(sorted(self.ground_labels), dtype=np.uint8),
-                )
-        except OSError as error:
-            raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
+        with writing(path), as_path(path).open("wb") as file:  # by handle, since NumPy appends a suffix to names
+            np.savez_compressed(
+                file,
+                states=self.states.numpy(),
+                labels=self.labels.numpy(),
+                origin=np.array(self.origin),
+                cell_size=np.float64(self.cell_size),
+                up=np.array(self.up),
+                label_numbers=np.array(list(self.label_names), dtype=np.uint8),
+                label_names=np.array(list(self.label_names.values())),
+                ground_labels=np.array(sorted(self.ground_labels), dtype=np.uint8),
+            )
 
 
 def require_map(value: object, name: str) -> VoxelMap:

@@ -282,19 +282,7 @@ def add_lens_views(
     marks: wp.array,
     threads: int | None,
 ) -> None:
-    """Add views to a map; see `warpvis.maps.voxel_map`.
-
-    Args:
-        target: The map.
-        grid: Its grid as a kernel argument.
-        depth: Images, on the map's device.
-        labels: Labels of the same shape, or None if all surfaces are obstacles.
-        camera: The camera of all views.
-        poses: Poses of the views, on the device.
-        frames: The same poses from `warpvis.kernels.visibility.points.camera_frames`.
-        marks: Zeros, one per voxel.
-        threads: Number of CPU threads.
-    """
+    """Add views of a lens; `frames` are the poses by `camera_frames`, and `marks` zeros, one per voxel."""
     from warpvis.kernels.maps import lens_voxels as kernels
 
     device, lens = target.states.device, camera.device_struct()

@@ -19,6 +19,7 @@ from warpvis.core.checks import as_items, check_choice, check_number, check_whol
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
+from warpvis.planning._free_space import standing_room
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects, see_objects
@@ -189,11 +190,14 @@ def best_views(
     poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
     if len(poses) != 1:
         raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
-    surroundings = {"object_poses": poses if scene.movable else None, "exclude": _check_exclude(exclude)}
+    surroundings: dict[str, Any] = {
+        "object_poses": poses if scene.movable else None,
+        "exclude": _check_exclude(exclude),
+    }
 
     free = np.isfinite(lengths)
     if radius is not None:
-        free &= _free_poses(scene, rows, radius, floor, surroundings)
+        free &= standing_room(scene, rows, radius=radius, floor=floor, **surroundings)
     if not free.any():
         needed = "a path to it" if radius is None else "a path to it and room for the robot"
         raise ArrayError(f"at least one candidate must have {needed}, got {len(rows)} without")
@@ -234,15 +238,6 @@ def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: floa
     exact = scores.astype(np.float64)
     tied = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
     return np.lexsort((-exact, lengths, -tied))
-
-
-def _free_poses(
-    scene: Scene, rows: NDArray[np.float64], radius: float, floor: float, surroundings: dict[str, Any]
-) -> NDArray[np.bool_]:
-    from warpvis.planning._free_space import standing_room
-
-    is_free = standing_room(scene, rows, radius=radius, floor=floor, **surroundings)
-    return as_numpy(is_free.numpy() if isinstance(is_free, wp.array) else is_free, name="room").astype(bool)
 
 
 def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_points, check_length, empty
+from warpvis.core.checks import check_whole, is_whole
 from warpvis.core.labels import Label, Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -78,8 +79,7 @@ def surface_samples(
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     spacing = check_length(spacing, "spacing", zero=False)
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise ArrayError(f"seed must be a whole number from 0 up, got {seed!r}")
+    check_whole(seed, "seed", minimum=0)
     vertices, _ = one_world(scene, object_poses, None)
     chosen = _choose(scene, objects, labels)
     corners = [vertices[index].astype(np.float64)[scene.objects[index].faces] for index in chosen]
@@ -313,6 +313,6 @@ def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]
 
 
 def _check_count(count: int, limit: int, noun: str) -> int:
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 1 <= count <= limit:
+    if not is_whole(count) or not 1 <= count <= limit:
         raise ArrayError(f"count must be a whole number from 1 to the {limit} {noun}, got {count!r}")
     return int(count)

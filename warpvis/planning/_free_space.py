@@ -142,13 +142,7 @@ def standing_room(
 def one_world(
     scene: Scene, object_poses: ObjectPoses, exclude: Excluded
 ) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
-    """Return the vertices of all objects in one world [m], ``(n, 3)``, and whether they are excluded, ``(objects,)``.
-
-    Args:
-        scene: A scene with objects.
-        object_poses: Poses of the movable objects, shape ``(M, 7)``; None for their initial poses.
-        exclude: Names or indices of objects, or flags of shape ``(1, objects)``.
-    """
+    """Return the vertices of all objects in one world [m], ``(n, 3)`` each, and flags of the excluded objects."""
     require_scene(scene)
     objects = scene.require_objects()
     worlds = parse_worlds(scene, 1, object_poses, np.zeros(1, dtype=np.int32), exclude)

@@ -95,15 +95,7 @@ def fitting_distance(
     """Compute the distance from the center of a box at which the whole box is in a camera's image [m].
 
     A corner at (x, y, z) from the center, in the camera's axes, projects to ``fx x / (z + d) + cx`` from distance d. It
-    must be inside the image; the same holds for y.
-
-    Args:
-        camera: The camera.
-        pose: Its pose, shape ``(7,)``, of which only the direction is used.
-        middle: Center of the box, shape ``(3,)``.
-        low: Lower corner of the box.
-        high: Upper corner of the box.
-        margin: Free margin on each side, as a fraction of the image.
+    must be inside the image, with a margin as a fraction of the image; the same holds for y.
     """
     corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(-1, 3)
     x, y, z = ((corners - middle) @ poses_to_matrices(pose)[:3, :3]).T

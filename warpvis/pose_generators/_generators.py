@@ -36,8 +36,7 @@ _STRAIGHT = 1e-9
 _GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 # Random positions: numbers of the random generator per candidate; minimum and maximum number of candidates per batch;
-# the
-# search fails if fewer than one in `_RAREST` candidates, of at least `_MIN_TRIED`, are valid.
+# the search fails if fewer than one in `_RAREST` candidates, of at least `_MIN_TRIED`, are valid.
 _NUMBERS_EACH = 5
 _FEWEST_CANDIDATES, _MAX_CANDIDATES = 1 << 12, 1 << 19
 _RAREST, _MIN_TRIED = 10_000, 1_000_000
@@ -204,7 +203,7 @@ def random_poses(
         box = scene_or_bounds
     low, high = _check_bounds(box)
     vertical = check_up(up if up is not None else scene.up if scene is not None else "z")
-    count, seed = _check_count(count), _check_whole(seed, "seed", 0)
+    count, seed = _check_count(count), check_whole(seed, "seed", minimum=0)
     clearance = check_length(clearance, "clearance")
     target = None if isinstance(look, str) else as_point(look, "look")
     if target is None and look not in ("level", "any"):
@@ -352,10 +351,6 @@ def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
 
 
 def _check_count(count: int) -> int:
-    if _check_whole(count, "count", 1) > MAX_POSES:
+    if check_whole(count, "count") > MAX_POSES:
         raise ArrayError(f"count must be at most {MAX_POSES}, got {count}")
     return int(count)
-
-
-def _check_whole(value: object, name: str, minimum: int) -> int:
-    return check_whole(value, name, minimum=minimum)

@@ -130,7 +130,6 @@ class SightLines:
     """Finds lines of sight with one ray each."""
 
     def __init__(self, stage: Stage) -> None:
-        """Set up the renderer."""
         self._stage = stage
         self._renderer = Renderer(stage.scene, _PIXEL, outputs=("depth", "segmentation"))
 

@@ -40,7 +40,6 @@ class Meshes:
     """Meshes of the scene's objects. Shared meshes are sent once; movable objects are children of frames."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, *, dark: bool = False) -> None:
-        """Add the meshes to the page."""
         self._state, self._dark = state, dark
         self._colors = self._all_colors({})
         self._frames = [
@@ -134,7 +133,6 @@ class AgentMark:
     """An agent's view: a frustum with its image, or the borders of a wide field and the frustum of attention."""
 
     def __init__(self, scene: SceneApi, agent: Agent, color: tuple[int, int, int]) -> None:
-        """Add the mark to the page."""
         self._path, self._color = f"/agents/{agent.name}", color
         self._style = {"color": color, "thickness": 0.008, "cast_shadow": False, "receive_shadow": False}
         self._scene = scene
@@ -169,7 +167,6 @@ class CloudNode:
     """The point cloud."""
 
     def __init__(self, scene: SceneApi, state: ViewerState) -> None:
-        """Add an empty cloud to the page."""
         self._points = np.zeros((0, 3), dtype=np.float32)
         self.node = scene.add_point_cloud(
             "/cloud",
@@ -199,7 +196,6 @@ class SightNode:
         self.visible = True
 
     def show(self, snapshot: Snapshot) -> None:
-        """Update the lines."""
         lines = snapshot.lines if self.visible else ()
         segments = np.array([part for line in lines for part in ((line.eye, line.stop), (line.stop, line.target))])
         if np.array_equal(segments, self._segments):
@@ -266,7 +262,6 @@ class Gizmos:
     """All handles of a page. `dragged` is called after the state is updated with a handle's pose."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, dragged: Callable[[], None]) -> None:
-        """Add the handles to the page."""
         self._state, self._dragged = state, dragged
         self.agents = {name: self._add_agent(scene, name) for name in state.agents}
         self.objects = {name: self._add_object(scene, name) for name in state.stage.handles}

@@ -12,13 +12,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, check_text
+from warpvis.core.file_content import writing
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError
 from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode
@@ -192,10 +192,8 @@ def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
     head, _, tail = document.rpartition("</body>")
     document = f"{head}{_panel(page.snapshot, title, page.dark)}</body>{tail}"
     document = document.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
-    try:
-        Path(file).write_text(document, encoding="utf-8")
-    except OSError as error:
-        raise FileFormatError(f"{file}: cannot be written: {error.strerror}") from None
+    with writing(file):
+        file.write_text(document, encoding="utf-8")
 
 
 def _panel(snapshot: Snapshot, title: str, dark: bool) -> str:

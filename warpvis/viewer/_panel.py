@@ -8,6 +8,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -78,7 +79,6 @@ class Panel:
         self.status = gui.add_html("")
 
     def show(self, snapshot: Snapshot, rate: float) -> None:
-        """Update the panel."""
         self.table.content = table_html(snapshot.rows, [agent.name for agent in snapshot.agents])
         self.status.content = status_html(snapshot.seconds, rate)
         for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True):
@@ -180,14 +180,14 @@ class Panel:
                     "field of view [deg]",
                     (min(20.0, wide), max(120.0, wide), 1.0),
                     wide,
-                    self._widen(name),
+                    lambda v: self._set_view(name, hfov=math.radians(v)),
                 )
                 self._slider(
                     f"{name} far",
                     "range [m]",
                     (max(_MIN_FAR, camera.near + 0.1), max(_MAX_FAR, far), 0.1),
                     far,
-                    self._reach(name),
+                    lambda v: self._set_view(name, far=v),
                 )
 
     def _add_frames(self) -> None:
@@ -222,17 +222,8 @@ class Panel:
             for joint in model.joints:
                 value = model.value(joint.name)
                 low, high = min(joint.low, value), max(joint.high, value)
-                key = f"joint {joint.name}"
-                self._slider(key, joint.name, (low, high, (high - low) / 200), value, self._bend(joint.name))
-
-    def _bend(self, name: str) -> Callable[[float], None]:
-        return lambda value: self._state.set_joint(name, value)
-
-    def _widen(self, name: str) -> Callable[[float], None]:
-        return lambda degrees: self._set_view(name, hfov=math.radians(degrees))
-
-    def _reach(self, name: str) -> Callable[[float], None]:
-        return lambda meters: self._set_view(name, far=meters)
+                limits, change = (low, high, (high - low) / 200), partial(self._state.set_joint, joint.name)
+                self._slider(f"joint {joint.name}", joint.name, limits, value, change)
 
     def _set_view(self, name: str, **view: float) -> None:
         camera = self._state.agents[name].pinhole

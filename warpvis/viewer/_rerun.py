@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warpvis.core.checks import as_path
-from warpvis.errors import FileFormatError, WarpvisError
+from warpvis.core.file_content import writing
+from warpvis.errors import WarpvisError
 from warpvis.viewer._state import Snapshot, ViewerState
 
 if TYPE_CHECKING:
@@ -27,12 +28,8 @@ def save_rerun(state: ViewerState, path: str | os.PathLike[str]) -> None:
     The recording contains meshes, the point cloud, agents with their images and the table. If the state has frames, it
     shows the same frame afterwards as before.
 
-    Args:
-        state: The state.
-        path: File to write.
-
     Raises:
-        WarpvisError: If rerun-sdk is missing, `state` is not a `ViewerState`, or the file cannot be written.
+        WarpvisError: If rerun-sdk is missing, or the file cannot be written.
     """
     try:
         import rerun
@@ -41,11 +38,8 @@ def save_rerun(state: ViewerState, path: str | os.PathLike[str]) -> None:
     if not isinstance(state, ViewerState):
         raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
     file = as_path(path)
-    try:
-        with open(file, "wb"):
-            pass
-    except OSError as error:
-        raise FileFormatError(f"{file}: cannot be written: {error.strerror}") from None
+    with writing(file), open(file, "wb"):
+        pass
     recording = rerun.RecordingStream("warpvis")
     recording.save(file)
     up = rerun.ViewCoordinates.RIGHT_HAND_Z_UP if state.scene.up == "z" else rerun.ViewCoordinates.RIGHT_HAND_Y_UP

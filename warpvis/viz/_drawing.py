@@ -58,17 +58,9 @@ def light_on(normals: NDArray[np.floating], up: str) -> NDArray[np.float64]:
 def shaded_picture(
     scene: Scene, camera: Camera, camera_to_world: ArrayLike, colors: Colors, *, object_poses: ObjectPoses = None
 ) -> NDArray[np.float64]:
-    """Render a shaded, antialiased picture of a scene in given colors.
+    """Render a shaded, antialiased picture of a scene, RGB from 0 to 1, shape ``(H, W, 3)``.
 
-    Args:
-        scene: The scene.
-        camera: The camera of the picture.
-        camera_to_world: The camera's pose.
-        colors: Function that returns RGB colors, ``(h, w, 3)``, of points ``(h, w, 3)``, objects and labels ``(h, w)``.
-        object_poses: As for `Renderer.render`.
-
-    Returns:
-        RGB image from 0 to 1, shape ``(H, W, 3)``.
+    `colors` returns RGB colors, ``(h, w, 3)``, of points ``(h, w, 3)``, objects and labels ``(h, w)``.
     """
     fine = Camera.from_K(
         camera.to_K() * [[_SUPERSAMPLING], [_SUPERSAMPLING], [1]],

@@ -20,7 +20,7 @@ from warpvis.core.checks import check_text, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_up, look_at, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
-from warpvis.maps import map_numbers
+from warpvis.maps import floor_map
 from warpvis.planning import best_views
 from warpvis.pose_generators import fitting_distance
 from warpvis.scene import Scene
@@ -206,7 +206,7 @@ def _floor_map(data: PanelData, agent: Agent) -> _Floor:
     cells = []
     for face in views_of_faces(scene, agent, data.view, object_poses=data.object_poses):
         numbers = wp.array(codes[face.segmentation.numpy()], dtype=wp.uint8, device=scene.device)
-        seen_floor = map_numbers(face.points, numbers, bounds=bounds, cell_size=cell_size, up=scene.up)
+        seen_floor = floor_map(face.points, numbers, bounds=bounds, cell_size=cell_size, up=scene.up)
         cells.append(seen_floor.cells.numpy())
     palette = np.zeros((ranks[-1] + 1, 3))
     palette[ranks] = [[gray] * 3 for gray in grays] + [np.array(STATE_COLORS[state]) / 255 for state in _MAP_ORDER]

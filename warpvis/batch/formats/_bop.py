@@ -71,7 +71,6 @@ class Bop(Layout):
     """Label of the objects that are annotated by default."""
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._camera = require_pinhole(plan, self.name, "which has no distortion")
         if len(plan.outputs) < 2:
@@ -102,7 +101,6 @@ class Bop(Layout):
         self._blank = encode_png(np.zeros((plan.camera.height, plan.camera.width), dtype=np.uint8))
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one BOP scene; see `warpvis.batch.formats._base.Format`."""
         scene = f"{self._split}/{shard_name(shard)}"
         frames = self.plan.frames[self.plan.shard_slice(shard)]
         count, camera = len(images["depth"]), self.plan.camera
@@ -228,11 +226,8 @@ def _inverse(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 def _object_info(total: int, valid: int, visible: NDArray[np.bool_] | None, box: Sequence[int]) -> _Entry:
     """Return the entry of an object in an image for ``scene_gt_info.json``.
 
-    Args:
-        total: Number of pixels of its silhouette on the canvas.
-        valid: Number of pixels of its mask with depth.
-        visible: Mask of its visible pixels, shape ``(H, W)``; None if it is outside of the image.
-        box: Box of its silhouette on the canvas: x, y, width and height; only used if a pixel is visible.
+    `total` counts the pixels of its silhouette on the canvas, in the box x, y, width and height, and `valid` those of
+    its mask with depth; `visible` is None if it is outside of the image.
     """
     count = 0 if visible is None else int(np.count_nonzero(visible))
     info: _Entry = {
@@ -263,12 +258,7 @@ def _json_lines(items: Iterable[tuple[int, object]]) -> str:
 
 
 def ply_text(points: NDArray[np.float64], faces: NDArray[np.int32]) -> str:
-    """Format a mesh as PLY text: single-precision vertices with normals, and triangles.
-
-    Args:
-        points: Vertices [mm], shape ``(n, 3)``.
-        faces: Vertex indices of triangles, shape ``(m, 3)``.
-    """
+    """Format a mesh [mm] as PLY text: single-precision vertices with normals, and triangles."""
     rows = np.concatenate([points, vertex_normals(points, faces)], axis=1).astype(np.float32)
     header = [
         "ply",

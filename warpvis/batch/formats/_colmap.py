@@ -41,12 +41,10 @@ class Colmap(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._model, self._parameters = lens_as(plan, self.name, lens_to_colmap)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         if "depth" in self.plan.outputs:
             depth = images["depth"]

@@ -55,12 +55,10 @@ class Nerfstudio(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth", "labels")
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._camera = lens_as(plan, self.name, lens_to_nerfstudio)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         if "depth" in self.plan.outputs:
             units.append(self.write_depth_pngs(shard, "depth", images["depth"], 1000.0, files))

@@ -45,7 +45,6 @@ class Ply(Layout):
     options: ClassVar[Mapping[str, str]] = {"organized": "true or false"}
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._organized = self.flag_option("organized")
         if "points" not in plan.outputs:
@@ -56,7 +55,6 @@ class Ply(Layout):
         self._header = "".join(f"property {kind} {name}\n" for _, (names, kind, _, _) in columns for name in names)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one shard; see `warpvis.batch.formats._base.Format`."""
 
         def make(frame: int) -> Parts:
             return self._cloud({output: images[output][frame] for output in self._outputs})

@@ -49,7 +49,6 @@ class Png(Layout):
     options: ClassVar[Mapping[str, str]] = {"scale": "units per meter, 1000"}
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._scale = self.positive_option("scale", 1000.0)
         if "segmentation" in plan.outputs and len(plan.object_names) > _MAX_OBJECTS:
@@ -59,7 +58,6 @@ class Png(Layout):
             )
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one shard; see `warpvis.batch.formats._base.Format`."""
         units = []
         for name in ("depth", "true_depth"):
             if name in self.plan.outputs:

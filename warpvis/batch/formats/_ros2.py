@@ -54,7 +54,6 @@ class Ros2(Layout):
     library: ClassVar[str | None] = "rosbags"
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         if "depth" not in plan.outputs:
             raise FileFormatError(f"outputs must include depth for format 'ros2', got {', '.join(plan.outputs)}")
@@ -73,7 +72,6 @@ class Ros2(Layout):
         self._maker = MessageMaker(self._types)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one bag; see `warpvis.batch.formats._base.Format`."""
         from rosbags.rosbag2 import StoragePlugin, Writer
 
         name = f"bag_{shard_name(shard)}"

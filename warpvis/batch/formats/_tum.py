@@ -43,7 +43,6 @@ class Tum(Layout):
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def __init__(self, plan: Plan) -> None:
-        """Check the plan."""
         super().__init__(plan)
         self._numbers = lens_as(plan, self.name, lens_to_tum)
         times = plan.frames.timestamps
@@ -56,7 +55,6 @@ class Tum(Layout):
             )
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:
-        """Write one shard; see `warpvis.batch.formats._base.Format`."""
         return [self.write_depth_pngs(shard, "depth", images["depth"], _SCALE, files)]
 
     def index(self, files: ShardFiles) -> list[str]:

@@ -46,7 +46,6 @@ class PngReader(ShardReader):
     """Units of depth per meter."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         super().__init__(files, job)
         self._scale = job.option("scale", self.scale)
 
@@ -99,7 +98,6 @@ class BopReader(PngReader):
     """Reads depth of BOP scenes, and visibility from ``scene_gt_info.json``."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         super().__init__(files, job)
         self._scale = _MILLIMETERS_PER_METER / job.option("depth_scale", 1.0)
         self._split = str(job.options.get("split", "train"))
@@ -164,7 +162,6 @@ class BagReader(ShardReader):
     """Reads depth from ``bag_000012``; point clouds have the same depth and are not read."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         super().__init__(files, job)
         if not isinstance(files.store, LocalStore):
             raise FileFormatError(f"{job.name}: datasets of bags must be in a local folder, got a URL")

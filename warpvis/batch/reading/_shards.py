@@ -93,7 +93,6 @@ class ShardReader:
     """Reads frames of one format."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         self._files, self._job = files, job
         self.specs = job.specs()
         """Dtypes and shapes of the arrays of a frame that the dataset contains."""
@@ -107,7 +106,6 @@ class NpzReader(ShardReader):
     """Reads ``shard-000012.npz``, whose arrays are not compressed and can be memory-mapped."""
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         super().__init__(files, job)
         self._shards = Recent[dict[str, NDArray]](files.cache_size)
 
@@ -158,7 +156,6 @@ class ZarrReader(ShardReader):
     """
 
     def __init__(self, files: Files, job: Job) -> None:
-        """Prepare to read."""
         super().__init__(files, job)
         self._tables = Recent[NDArray[np.uint64]](files.cache_size)
         self._is_compressed = job.options.get("compression", "none") == "zstd"

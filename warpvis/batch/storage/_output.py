@@ -38,20 +38,16 @@ class ShardFiles:
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         """Write to `folder`, which must exist and be empty."""
         self.folder = Path(folder)
-        self._root = os.path.join(
-            folder, ""
-        )  # joining strings is faster than joining paths, which is noticeable for small files
+        self._root = os.path.join(folder, "")  # joining strings is noticeably faster than joining paths
         self.warnings: dict[str, int] = {}
         self._sums: dict[str, FileSum] = {}
         self._folders = {""}
 
     def write(self, name: str, *parts: FilePart) -> None:
-        """Write one file from its parts, in order.
+        """Write one file from its parts, in order; `name` is relative to the dataset, with slashes.
 
-        Args:
-            name: Path relative to the dataset, with slashes. Missing folders are created.
-            *parts: Bytes, memoryviews, or NumPy arrays, which are written in C order. Arrays that begin at a page
-                boundary in memory and at a multiple of 4096 bytes in the file are written with O_DIRECT.
+        Arrays that begin at a page boundary in memory and at a multiple of 4096 bytes in the file are written with
+        O_DIRECT.
         """
         self._sums[name] = FileSum(*write_file(self._path(name), parts))
 
@@ -71,12 +67,9 @@ class ShardFiles:
         return f"{self._root}{name}"
 
     def warn(self, message: str, count: int) -> None:
-        """Record a warning, which is shown to the user at the end with its total count over all shards.
+        """Record a warning, if `count` is not 0, which is shown at the end with its total count over all shards.
 
-        Args:
-            message: The end of the message after the count, such as
-                ``"pixels are farther than 65.535 m and are 0 in the PNG files"``.
-            count: The count; nothing is recorded if it is 0.
+        The message follows the count, such as ``"pixels are farther than 65.535 m and are 0 in the PNG files"``.
         """
         if count:
             self.warnings[message] = self.warnings.get(message, 0) + int(count)
