@@ -19,10 +19,9 @@ may resume a dataset, and `_verify` checks whether a dataset is intact.
 
 from __future__ import annotations
 
-from warpvis.batch._frame_renderer import FrameRenderer, check_batch_outputs as check_batch_outputs
+from warpvis.batch._frame_renderer import FrameRenderer, check_batch_outputs as check_batch_outputs, warmup
 from warpvis.batch._render_batch import BatchSummary, make_plan as make_plan, render_batch as render_batch
 from warpvis.batch._verify import verify
-from warpvis.batch._warmup import warmup
 from warpvis.batch.engines._local import parse_devices as parse_devices
 from warpvis.batch.formats._base import Format as Format, find_format as find_format
 from warpvis.batch.formats._npz import npz_parts as npz_parts

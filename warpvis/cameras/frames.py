@@ -85,11 +85,21 @@ class Frames:
         """
         if not isinstance(part, slice):
             raise ArrayError(f"frames must be indexed by a slice, frames[a:b], got {part!r}")
+        return self.take(part)
+
+    def take(self, rows: slice | NDArray[np.integer]) -> Frames:
+        """Return the frames of a slice or of indices; if each frame has a separate world, only their worlds."""
         objects = self.object_poses
         if objects is not None and self.world_index is None and len(objects) > 1:
-            objects = objects[part]
-        world_index = None if self.world_index is None else self.world_index[part]
-        return Frames(self.camera_to_world[part], self.timestamps[part], objects, world_index, self.source, self.camera)
+            objects = objects[rows]
+        world_index = None if self.world_index is None else self.world_index[rows]
+        return Frames(self.camera_to_world[rows], self.timestamps[rows], objects, world_index, self.source, self.camera)
+
+    def world_of(self, frame: int) -> int:
+        """Return the index of a frame's world in `object_poses`."""
+        if self.world_index is not None:
+            return int(self.world_index[frame])
+        return frame if self.object_poses is not None and len(self.object_poses) > 1 else 0
 
     def choose_camera(self, camera: ImageCamera | None = None) -> ImageCamera:
         """Return the camera to render the frames with: the given one, or the frames' camera.

@@ -21,13 +21,10 @@ import warpvis
 from warpvis.cli import _interrupts
 from warpvis.cli._check import Check
 from warpvis.cli._datasets import Batch, Verify, Warmup
-from warpvis.cli._help import with_help
-from warpvis.cli._info import Info
-from warpvis.cli._output import name_options
-from warpvis.cli._perspective import Perspective
+from warpvis.cli._info import Info, SensorFit
+from warpvis.cli._output import name_options, with_help
+from warpvis.cli._perspective import Perspective, View
 from warpvis.cli._render import Render
-from warpvis.cli._sensor_fit import SensorFit
-from warpvis.cli._view import View
 from warpvis.errors import WarpvisError
 
 

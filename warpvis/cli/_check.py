@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from warpvis.cli._help import with_help
 from warpvis.cli._inputs import FrameOptions, MaybePoses, Names, SceneFile, refuse_options, split_names
-from warpvis.cli._output import format_rows, require_place, write_json
+from warpvis.cli._output import format_rows, require_place, with_help, write_json
 from warpvis.core.checks import format_fraction
 from warpvis.core.file_content import writing
 from warpvis.errors import ArrayError

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from warpvis.cli._help import with_help
 from warpvis.cli._inputs import (
     FrameOptions,
     MaybePoses,
@@ -21,6 +20,7 @@ from warpvis.cli._inputs import (
     split_names,
     split_pairs,
 )
+from warpvis.cli._output import with_help
 from warpvis.core.checks import pluralize
 from warpvis.core.outputs import IMAGE_NAMES, SENSOR_NAMES, VISIBILITY
 from warpvis.errors import ArrayError, FileFormatError

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from warpvis.cli._help import with_help
+from warpvis.cli._output import with_help
 from warpvis.core.checks import pluralize
 from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError, WarpvisError
 

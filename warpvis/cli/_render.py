@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from warpvis.cli._datasets import ImageOptions, print_summary
-from warpvis.cli._help import with_help
 from warpvis.cli._inputs import (
     MaybePoses,
     Names,
@@ -25,6 +24,7 @@ from warpvis.cli._inputs import (
     split_names,
     viewpoint_options,
 )
+from warpvis.cli._output import with_help
 from warpvis.core.checks import check_choice, pluralize
 from warpvis.errors import CameraError, FileFormatError, PoseError
 

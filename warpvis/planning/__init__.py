@@ -4,10 +4,16 @@
 
 from __future__ import annotations
 
-from warpvis.planning._best_views import BestViews, best_views, look_along as look_along, pose_grid
+from warpvis.planning._best_views import (
+    BestViews,
+    Proposal,
+    best_views,
+    look_along as look_along,
+    pose_grid,
+    propose_view,
+)
 from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
 from warpvis.planning._free_space import clearance, inside_solids as inside_solids, minimum_height, standing_room
-from warpvis.planning._proposals import Proposal, propose_view
 
 __all__ = [
     "BestViews",

@@ -108,6 +108,4 @@ def objects_in_frame(frames: Frames, number: int) -> NDArray[np.float32]:
     """Return the poses of the movable objects in a frame, ``(M, 7)``; ``(0, 7)`` if they keep their initial poses."""
     if frames.object_poses is None:
         return np.zeros((0, 7), dtype=np.float32)
-    world = number if len(frames.object_poses) > 1 else 0
-    world = world if frames.world_index is None else int(frames.world_index[number])
-    return frames.object_poses[world]
+    return frames.object_poses[frames.world_of(number)]

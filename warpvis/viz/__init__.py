@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of depth images, labels, floor maps, scenes from outside, and of what agents see."""
+"""Pictures of depth images, labels, floor maps, scenes from outside, and of what agents see.
+
+Functions that write a file raise `warpvis.errors.FileFormatError` if it cannot be written.
+"""
 
 import lazy_loader
 

@@ -73,9 +73,6 @@ def save_map(floor: FloorMap, path: str | os.PathLike[str], *, view: int = 0, ti
         path: Picture to write.
         view: Index of the view.
         title: Title of the picture.
-
-    Raises:
-        FileFormatError: If the picture cannot be written.
     """
     check_text(title, "title")
     if not isinstance(floor, FloorMap):
@@ -127,9 +124,6 @@ def save_labels(
         path: Picture to write.
         label_names: Names of custom classes: `Scene.label_names`, or those of `open_dataset`.
         title: Title of the picture.
-
-    Raises:
-        WarpvisError: If `labels` is not one image, names are invalid, or the picture cannot be written.
     """
     check_text(title, "title")
     image, names = as_numpy(labels, name="labels"), LabelNames(label_names)

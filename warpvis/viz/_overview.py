@@ -44,9 +44,6 @@ def save_depth(
         path: Picture to write.
         title: Title of the picture.
         depth_range: Depths at the ends of the color bar [m]; the range of the image by default.
-
-    Raises:
-        WarpvisError: If `depth` is not one image, or the picture cannot be written.
     """
     check_text(title, "title")
     figure = new_figure(5.4, 4.2)

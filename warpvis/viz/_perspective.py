@@ -93,23 +93,12 @@ def save_perspective(
         proposed: A proposed pose of the first agent, row ``x y z qx qy qz qw``, to draw on its map.
         object_poses: Poses of the movable objects in the situation, ``(M, 7)``; those of `seen` by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-
-    Raises:
-        WarpvisError: If the agents are not two agents of `seen`, an argument is invalid, or the picture cannot be
-            written.
     """
-    figure = draw_perspective(
-        scene,
-        agents,
-        seen,
-        view=view,
-        title=title,
-        labels=labels,
-        eye=eye,
-        target=target,
-        proposed=to_xyzw(proposed, quaternion, "proposed"),
-        object_poses=to_xyzw(object_poses, quaternion, "object_poses"),
+    proposed, object_poses = (
+        to_xyzw(proposed, quaternion, "proposed"),
+        to_xyzw(object_poses, quaternion, "object_poses"),
     )
+    figure = draw_perspective(scene, agents, seen, view, title, labels, eye, target, proposed, object_poses)
     save_figure(figure, path)
 
 
@@ -117,7 +106,6 @@ def draw_perspective(
     scene: Scene,
     agents: Sequence[Agent],
     seen: Perspective,
-    *,
     view: int,
     title: str,
     labels: Sequence[Label | int | str] | None,

@@ -61,9 +61,6 @@ def save_preview(depth: ArrayInput, path: str | os.PathLike[str], depth_range: t
         depth: Planar depth [m], shape ``(H, W)``.
         path: Picture to write.
         depth_range: Depths at the ends of the scale [m].
-
-    Raises:
-        WarpvisError: If `depth` is not one image, or the picture cannot be written.
     """
     from PIL import Image
 
@@ -91,9 +88,6 @@ def save_contact_sheet(
         names: Names of the images.
         path: Picture to write.
         depth_range: Depths at the ends of the scale [m].
-
-    Raises:
-        WarpvisError: If there are no images, the number of names differs, or the picture cannot be written.
     """
     from PIL import Image, ImageDraw
 

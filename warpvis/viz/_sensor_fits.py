@@ -28,9 +28,6 @@ def save_sensor_fit(fit: StereoFit, path: str | os.PathLike[str]) -> None:
     Args:
         fit: Result of `warpvis.sensors.fit`.
         path: Picture to write.
-
-    Raises:
-        FileFormatError: If the picture cannot be written.
     """
     if not isinstance(fit, StereoFit):
         raise ArrayError(f"fit must be a result of warpvis.sensors.fit, got {type(fit).__name__}")

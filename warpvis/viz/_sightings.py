@@ -93,9 +93,6 @@ def save_sightings(
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the pose.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-
-    Raises:
-        WarpvisError: If an argument is invalid, or the picture cannot be written.
     """
     from matplotlib.patches import Patch
 
@@ -165,9 +162,6 @@ def save_point_sightings(
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the pose.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-
-    Raises:
-        WarpvisError: If an argument is invalid, or the picture cannot be written.
     """
     from matplotlib.lines import Line2D
 

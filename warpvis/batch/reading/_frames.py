@@ -129,7 +129,7 @@ class FrameDataset:
         shards = range(job.contents.shard_count) if self.complete else _recorded_shards(store, job)
         self.frame_numbers = _frames_of(job, shards)
         """The number of each frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
-        self.frames = _select_frames(frames, self.frame_numbers, complete=self.complete)
+        self.frames = frames if self.complete else frames.take(self.frame_numbers)
         """Poses, times and worlds of the frames."""
 
     @property
@@ -243,7 +243,7 @@ class FrameDataset:
             "frame": int(self.frame_numbers[row]),
         }
         if frames.object_poses is not None:
-            world = _world_of(frames, row)
+            world = frames.world_of(row)
             frame |= {"object_poses": frames.object_poses[world].copy(), "world": world}
         return frame
 
@@ -256,7 +256,7 @@ class FrameDataset:
             "frame": self.frame_numbers[chosen],
         }
         if frames.object_poses is not None:
-            worlds = np.array([_world_of(frames, row) for row in rows], dtype=np.int64)
+            worlds = np.array([frames.world_of(row) for row in rows], dtype=np.int64)
             several |= {"object_poses": frames.object_poses[worlds], "world": worlds}
         return several
 
@@ -341,23 +341,3 @@ def _recorded_shards(store: Store, job: Job) -> list[int]:
 def _frames_of(job: Job, shards: Sequence[int]) -> NDArray[np.int64]:
     parts = [np.arange(job.shard_length(shard)) + shard * job.contents.shard_frames for shard in shards]
     return np.concatenate([np.zeros(0, dtype=np.int64), *parts])
-
-
-def _select_frames(frames: Frames, numbers: NDArray[np.int64], *, complete: bool) -> Frames:
-    """Return the frames of complete shards."""
-    if complete:
-        return frames
-    objects, index = frames.object_poses, frames.world_index
-    if objects is not None and index is None and len(objects) > 1:
-        objects = objects[numbers]
-    index = None if index is None else index[numbers]
-    poses, times = frames.camera_to_world[numbers], frames.timestamps[numbers]
-    return Frames(poses, times, objects, index, frames.source, frames.camera)
-
-
-def _world_of(frames: Frames, row: int) -> int:
-    """Return the index of a frame's world in `Frames.object_poses`."""
-    assert frames.object_poses is not None
-    if frames.world_index is not None:
-        return int(frames.world_index[row])
-    return row if len(frames.object_poses) > 1 else 0
