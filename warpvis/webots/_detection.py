@@ -127,7 +127,7 @@ def _enclose(one: Ball, other: Ball) -> Ball:
 
 def ball_about(vertices: NDArray[np.float64]) -> Ball:
     """Compute the sphere around points, shape ``(n, 3)``, centered on their bounding box."""
-    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    middle = _box_around(vertices).middle
     return Ball(middle, float(np.linalg.norm(vertices - middle, axis=1).max()))
 
 
@@ -215,14 +215,7 @@ class Frustum:
         return self.device.fov > math.pi
 
     def box(self, extent: Extent, eye: NDArray[np.float64], axes: NDArray[np.float64], resolve: Resolve) -> Box | None:
-        """Compute the box of the part of a Solid within the frustum; None if no part is.
-
-        Args:
-            extent: The Solid.
-            eye: Position of the camera in the world [m], shape ``(3,)``.
-            axes: Axes of the camera in the world, one per row.
-            resolve: Finds the files of meshes.
-        """
+        """Compute the box of the part of a Solid in the frustum of a camera at `eye` [m], along its axes; or None."""
         found: Box | None = None
         for solid in extent.family():
             read = [bound_of(node, transform, resolve) for node, transform in solid.bounding]
@@ -233,8 +226,10 @@ class Frustum:
             for bound in bounds:
                 points = (bound.points - eye) @ axes.T
                 box = self._of_round(points[0], bound, axes) if bound.radius else self._of_points(points)
-                if box is not None:
-                    found = box if found is None else _merge(found, box)
+                if box is not None and found is not None:
+                    ends = [each.middle + sign * each.size / 2 for each in (found, box) for sign in (-1, 1)]
+                    box = _box_around(np.array(ends), is_round=found.round and box.round)
+                found = box or found
         return found
 
     def _of_points(self, points: NDArray[np.float64]) -> Box | None:
@@ -256,9 +251,7 @@ class Frustum:
             upright = beyond[[_BOTTOM, _TOP]].all() and within[[_RIGHT, _LEFT]].all()
             if not (across or upright):
                 return None
-        every = np.concatenate([ahead, behind])
-        low, high = every.min(axis=0), every.max(axis=0)
-        return Box((low + high) / 2, high - low, False)
+        return _box_around(np.concatenate([ahead, behind]))
 
     def _of_points_around(self, points: NDArray[np.float64]) -> Box | None:
         """Project points behind the camera and outside all side planes onto the farthest of these planes."""
@@ -268,9 +261,7 @@ class Frustum:
             return None
         side = distances.argmin(axis=1)
         off = distances[np.arange(len(points)), side][:, None] * self.inwards[side]
-        every = np.where(outside[:, None], points - off, points)
-        low, high = every.min(axis=0), every.max(axis=0)
-        return Box((low + high) / 2, high - low, False)
+        return _box_around(np.where(outside[:, None], points - off, points))
 
     def _of_round(self, middle: NDArray[np.float64], bound: Bound, axes: NDArray[np.float64]) -> Box | None:
         """Cut off the part outside each side plane, by the distance of the middle from the plane."""
@@ -348,7 +339,6 @@ def _corner(device: Device) -> tuple[float, float, float]:
     return 1.0, math.tan(half), math.tan(upright / 2)
 
 
-def _merge(one: Box, other: Box) -> Box:
-    low = np.minimum(one.middle - one.size / 2, other.middle - other.size / 2)
-    high = np.maximum(one.middle + one.size / 2, other.middle + other.size / 2)
-    return Box((low + high) / 2, high - low, one.round and other.round)
+def _box_around(points: NDArray[np.float64], *, is_round: bool = False) -> Box:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return Box((low + high) / 2, high - low, is_round)

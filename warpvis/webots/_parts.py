@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
 from warpvis.scene import Part
+from warpvis.webots._appearance import Find, Surface, join_appearances
 from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
-from warpvis.webots._materials import Find, Surface, join_appearances
 from warpvis.webots._nodes import Node, Transform, Value, Version, new_node, replaced
 from warpvis.webots.shapes._geometry import GEOMETRIES
 from warpvis.webots.shapes._polygons import Triangles, join

@@ -19,12 +19,11 @@ from warpvis.core.checks import pluralize
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.lights import Background, Light
+from warpvis.webots._appearance import LIGHTS, Surface, read_background, read_lights, shape_appearance
 from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
 from warpvis.webots._lidars import Lidar, read_lidar
-from warpvis.webots._lights import LIGHTS, read_background, read_lights
-from warpvis.webots._materials import Surface, shape_appearance
 from warpvis.webots._nodes import Node, Transform, Value
 from warpvis.webots._parts import (
     JOINTS,
