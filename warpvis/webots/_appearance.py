@@ -4,9 +4,9 @@
 
 Webots converts the colors of lights and materials to linear RGB (src/wren/LightNode.cpp) and sums light in that space.
 Fields and their defaults are those of its reference: light.md, directionallight.md, pointlight.md, spotlight.md, and
-background.md. Texture coordinates of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid follow src/wren/StaticMesh.cpp
-of Webots, whose v is downward; here v is upward. Extrusion, Capsule, UV spheres, IndexedFaceSets without texCoord, and
-mesh files have none.
+background.md. Texture coordinates of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid follow its
+src/wren/StaticMesh.cpp, whose v is downward; here v is upward. Extrusion, Capsule, UV spheres, IndexedFaceSets without
+texCoord, and mesh files have none.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from typing import NoReturn
 from warpvis.core.checks import truncate
 from warpvis.core.file_content import require_content
 from warpvis.errors import FileFormatError
-from warpvis.webots._nodes import Node, Value, Version, shown
+from warpvis.webots._nodes import Node, Value, Version, nodes_in, shown
 
 MAX_NESTED = 300
 """Maximum depth of nested nodes, followed through USE, so that recursive functions may walk the tree."""
@@ -111,16 +111,7 @@ def read_version(text: str, file: str) -> Version:
 
 
 class Parser:
-    """A parser that reads a text incrementally.
-
-    Args:
-        text: The text.
-        file: Name of the file, for messages and `Node.file`.
-        version: `Node.version`.
-        first_line: Line number of the text's first line.
-        protos: `Node.protos`.
-        interface: Values of the fields that ``IS`` may name; None where ``IS`` is not allowed.
-    """
+    """A parser that reads a text incrementally; `interface` has the fields that ``IS`` may name, where it is allowed."""
 
     def __init__(
         self,
@@ -307,9 +298,8 @@ class Parser:
         if field not in interface:  # Webots skips the field
             return
         value = node.fields[name] = interface[field]
-        for item in value if isinstance(value, list) else [value]:
-            if isinstance(item, Node):
-                self._count(item)
+        for item in nodes_in(value):
+            self._count(item)
 
     def _count(self, node: Node) -> None:
         """Add a complete node to the size and the height of its parent, an open node."""

@@ -179,6 +179,11 @@ class Node:
 Value: TypeAlias = Node | list[float | str | bool | Node] | None
 
 
+def nodes_in(value: Value) -> list[Node]:
+    """List the nodes of a value, without those below them."""
+    return [item for item in (value if isinstance(value, list) else [value]) if isinstance(item, Node)]
+
+
 def fail(node: Node, expected: str, got: object) -> NoReturn:
     """Raise a FileFormatError that names the file and line of a node."""
     raise FileFormatError(f"{node.place}: expected {expected}, got {got}")
@@ -186,8 +191,7 @@ def fail(node: Node, expected: str, got: object) -> NoReturn:
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
     """Create a node of a type, with fields and a DEF name, in place of or within another, whose version it gets."""
-    values = [value if isinstance(value, list) else [value] for value in fields.values()]
-    parts = [item for items in values for item in items if isinstance(item, Node)]
+    parts = [item for value in fields.values() for item in nodes_in(value)]
     size, height = 1 + sum(part.size for part in parts), 1 + max((part.height for part in parts), default=0)
     return Node(kind, fields, name, like.file, like.line, like.version, like.protos, size, height)
 

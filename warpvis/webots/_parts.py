@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,8 +99,7 @@ class Solid:
         return Label.OBJECT if self.recognized else Label.OBSTACLE
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
+class Step(NamedTuple):
     """A node to visit, with its transform and context."""
 
     node: Node
@@ -121,6 +120,11 @@ class Step:
     extent: Extent | None = None
     """The Solid that contains it."""
     depth: int = 0
+
+    @property
+    def robot(self) -> str:
+        """Name of the innermost robot that contains it; empty without a robot."""
+        return self.robots[-1] if self.robots else ""
 
     @property
     def is_part(self) -> bool:

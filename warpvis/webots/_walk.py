@@ -24,7 +24,7 @@ from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
 from warpvis.webots._lidars import Lidar, read_lidar
-from warpvis.webots._nodes import Node, Transform, Value
+from warpvis.webots._nodes import Node, Transform, nodes_in
 from warpvis.webots._parts import (
     JOINTS,
     LINES,
@@ -138,18 +138,16 @@ class Reader:
             return ()
         if node.type in SOLIDS:
             step = self._enter_solid(step)
-        elif node.type in TRANSFORMS or node.type in PARTS:
-            transform = (
-                step.transform.within(node, corrected_scale(node, self.notes))
-                if node.type in TRANSFORMS
-                else step.transform
-            )
-            step = dataclasses.replace(step, transform=transform, called=node.name or step.called)
+        elif node.type in TRANSFORMS:
+            transform = step.transform.within(node, corrected_scale(node, self.notes))
+            step = step._replace(transform=transform, called=node.name or step.called)
+        elif node.type in PARTS:
+            step = step._replace(called=node.name or step.called)
         else:
             return self._expand(step)
         if node.type == "Track" and node.nodes("animatedGeometry"):
             self.skipped["Track.animatedGeometry"] += 1
-        return [dataclasses.replace(step, node=part, instances=()) for part in parts_of(node)]
+        return [step._replace(node=part, instances=()) for part in parts_of(node)]
 
     def _expand(self, step: Step) -> Iterable[Step]:
         """Expand a PROTO instance; return steps for its body, or for the built-in nodes in its fields."""
@@ -158,37 +156,29 @@ class Reader:
         if body is not None and self._is_better_known(node, body):
             body = None
         body = body or expand_joint(node) or expand(node) or expand_depth_camera(node)
+        human = step.human or node.type == "Pedestrian"
         if body is not None:
-            human = step.human or node.type == "Pedestrian"
             within, instances = (*step.within, node.type), (*step.instances, node)
-            return [dataclasses.replace(step, node=body, human=human, within=within, instances=instances)]
+            return [step._replace(node=body, human=human, within=within, instances=instances)]
         substitute = None if self._strict else stand_in(node)
         if substitute is None:
+            shown = step
             self.skipped[node.type] += 1
             self.below[node.type] += node.size - 1
-            self._lines.append((step.depth, f"{node.type}: skipped", None))
         else:
+            shown = step._replace(node=substitute, instances=(*step.instances, node))
             self.stand_ins[node.type] += 1
-            self._lines.append((step.depth, f"{node.type}: a stand-in", None))
-        shown = step
-        if substitute is not None:
-            shown = dataclasses.replace(step, node=substitute, instances=(*step.instances, node))
+        self._lines.append((step.depth, f"{node.type}: {'skipped' if substitute is None else 'a stand-in'}", None))
         robots = step.robots
         if "controller" in node.fields or (node.type in KNOWN and KNOWN[node.type].robot):
             robots = (*robots, self._add_robot(self._solid_name(shown)))
-        human = step.human or node.type == "Pedestrian"
-        bodies = [] if substitute is None else [dataclasses.replace(shown, robots=robots, human=human)]
+        bodies = [] if substitute is None else [shown._replace(robots=robots, human=human)]
         # Devices in its fields are read, although the poses of its slots are unknown.
-        step = dataclasses.replace(
-            step, transform=step.transform.within(node, np.ones(3)), robots=robots, origin=node.type, owner=None
-        )
-        parts = [item for value in node.fields.values() for item in _nodes_in(value)]
+        place, depth = step.transform.within(node, np.ones(3)), step.depth + 1
+        step = step._replace(transform=place, robots=robots, origin=node.type, owner=None, instances=(), depth=depth)
+        parts = [item for value in node.fields.values() for item in nodes_in(value)]
         known = {*DEPTH_CAMERAS, *TRANSFORMS, *PARTS, *JOINTS}
-        return bodies + [
-            dataclasses.replace(step, node=part, instances=(), depth=step.depth + 1)
-            for part in parts
-            if part.type in known
-        ]
+        return bodies + [step._replace(node=part) for part in parts if part.type in known]
 
     def _expand_file(self, node: Node) -> Node | None:
         """Expand an instance from its PROTO file; return None if the file is missing or unreadable."""
@@ -240,12 +230,10 @@ class Reader:
         if not is_part:
             step = self._begin_solid(step, name)
         step = self._begin_extent(step, transform)
-        robot = step.robots[-1] if step.robots else ""
         found: Device | Lidar | None = None
         with self._leaving_out():
-            found = read_device(node, transform.rigid(), robot, step.within) or read_lidar(
-                node, transform.rigid(), robot
-            )
+            place = transform.rigid()
+            found = read_device(node, place, step.robot, step.within) or read_lidar(node, place, step.robot)
         line = f"{step.instances[0].type if step.instances else node.type} {name!r}"
         line += f" (DEF {node.name})" if node.name else ""
         if found is not None:
@@ -261,7 +249,7 @@ class Reader:
         if found is not None or not is_part:
             self._lines.append((step.depth, line, None if is_part else step.owner))
         depth = step.depth + (not is_part)
-        return dataclasses.replace(step, transform=transform, called=node.name or step.called, depth=depth)
+        return step._replace(transform=transform, called=node.name or step.called, depth=depth)
 
     def _begin_solid(self, step: Step, name: str) -> Step:
         """Begin an object, and register it with its robots and recognizable Solid."""
@@ -281,16 +269,15 @@ class Reader:
             self.robots[robot].append(solid)
         for known in recognized:
             self.recognizable[known][1].append(solid)
-        return dataclasses.replace(step, owner=solid, robots=robots, recognized=recognized, human=human)
+        return step._replace(owner=solid, robots=robots, recognized=recognized, human=human)
 
     def _begin_extent(self, step: Step, transform: Transform) -> Step:
         """Collect the extent of a Solid, which recognition and its occlusion tests use."""
         node, outer = step.node, step.extent
         if step.origin:
             return step
-        robot = step.robots[-1] if step.robots else ""
-        inner = outer is not None and outer.robot == robot and node.type not in ROBOTS
-        extent = Extent(transform.offset, robot, outer.level + 1 if inner and outer is not None else 0)
+        inner = outer is not None and outer.robot == step.robot and node.type not in ROBOTS
+        extent = Extent(transform.offset, step.robot, outer.level + 1 if inner and outer is not None else 0)
         with self._leaving_out():
             for item in node.nodes("boundingObject"):
                 extent.bounding += bounding_geometry(item, transform)
@@ -299,7 +286,7 @@ class Reader:
             outer.parts.append(extent)
         if step.recognized and len(node.numbers("recognitionColors")):
             self.bounds[step.recognized[0]] = extent
-        return dataclasses.replace(step, extent=extent)
+        return step._replace(extent=extent)
 
     def _add_shape(self, step: Step) -> None:
         node = step.node
@@ -379,8 +366,3 @@ class Reader:
                 text += f": object {', '.join(map(repr, names[solid]))}, {pluralize(count, 'triangle')}"
             lines.append("  " * depth + text)
         return "\n".join(lines)
-
-
-def _nodes_in(value: Value) -> list[Node]:
-    values = value if isinstance(value, list) else [value]
-    return [item for item in values if isinstance(item, Node)]
