@@ -5,8 +5,10 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
@@ -77,6 +79,14 @@ def read_text(path: Path, kind: str) -> str:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise FileFormatError(f"{path}: is not {kind}") from None
+
+
+def require_package(module: str, purpose: str, extra: str) -> Any:
+    """Import and return a package of an extra; raise a FileFormatError with its purpose if it is missing."""
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        raise FileFormatError(f"{purpose}, which is missing: pip install 'warpvis[{extra}]'") from None
 
 
 def is_file(path: Path) -> bool:

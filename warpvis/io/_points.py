@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, describe_exception, truncate
-from warpvis.core.file_content import reading, require_content, writing
+from warpvis.core.file_content import reading, require_content, require_package, writing
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._cloud_messages import check_cloud
 from warpvis.io._files import read_array, read_rows
@@ -199,12 +199,7 @@ def _write_pcd(path: Path, cloud: NDArray[np.void]) -> None:
 
 def _write_las(path: Path, cloud: NDArray[np.void]) -> None:
     """Write LAS 1.4, point format 6, with laspy, an optional dependency."""
-    try:
-        import laspy
-    except ImportError:
-        raise FileFormatError(
-            f"{path}: LAS is written with laspy, which is missing: pip install 'warpvis[lidar]'"
-        ) from None
+    laspy = require_package("laspy", f"{path}: LAS is written with laspy", "lidar")
     points = _finite(cloud)
     names = cloud.dtype.names or ()
     header = laspy.LasHeader(point_format=6, version="1.4")

@@ -72,18 +72,16 @@ def parse_world(path: str | Path) -> World:
 
 def parse_text(text: str, file: str = "<text>") -> World:
     """Parse the text of a world."""
-    version = read_version(text, file)
-    parser = Parser(text, file, version)
-    world = World(Path(file), version)
+    parser = Parser(text, file)
+    world = World(Path(file), parser.version)
     while parser.kind != "end":
         world.externprotos += parser.externprotos()
         world.nodes += parser.nodes()
         if parser.kind != "end" and parser.token not in ("EXTERNPROTO", "IMPORTABLE"):
             parser.fail("a node")
     if world.size > MAX_NODES:
-        raise FileFormatError(
-            f"{file}: expected at most {MAX_NODES} nodes, got {world.size} where USE counts as a copy"
-        )
+        count = f"{world.size} where USE counts as a copy"
+        raise FileFormatError(f"{file}: expected at most {MAX_NODES} nodes, got {count}")
     return world
 
 
@@ -111,13 +109,13 @@ def read_version(text: str, file: str) -> Version:
 
 
 class Parser:
-    """A parser that reads a text incrementally; `interface` has the fields that ``IS`` may name, where it is allowed."""
+    """A parser that reads a text incrementally; `interface` has the fields that ``IS`` may name, if allowed."""
 
     def __init__(
         self,
         text: str,
         file: str,
-        version: Version,
+        version: Version | None = None,
         *,
         first_line: int = 1,
         protos: tuple[str, ...] = (),
@@ -127,11 +125,8 @@ class Parser:
         if "\r" in text:
             text = text.replace("\r\n", "\n").replace("\r", "\n")
         self.text = text = text.removeprefix("\ufeff")
-        self._file = file
-        self._version = version
-        self._first_line = first_line
-        self._protos = protos
-        self._interface = interface
+        self.version = read_version(text, file) if version is None else version
+        self._file, self._first_line, self._protos, self._interface = file, first_line, protos, interface
         self._breaks = [match.start() for match in re.finditer("\n", text)]
         self._tokens: Iterator[re.Match[str]] = _TOKEN.finditer(text)
         self._named: dict[str, Node] = {}  # by DEF name; a later DEF replaces an earlier one
@@ -229,7 +224,7 @@ class Parser:
             self.advance()
             name = self.take("word", "a name after DEF")
             expected = f"a node type after DEF {name}"
-        node = Node(self.take("word", expected), {}, name, self._file, line, self._version, self._protos)
+        node = Node(self.take("word", expected), {}, name, self._file, line, self.version, self._protos)
         self.take("{", f"'{{' after {node.type}")
         self._open.append(node)
         if len(self._open) > 2 * MAX_NESTED:  # each nested node is in a list

@@ -24,14 +24,7 @@ from warpvis.io.poses._tables import read_csv, read_parquet, read_poses
 
 # Pose files in a folder, one format per line; the first existing one of a line is read.
 _IN_FOLDERS = (
-    (
-        "images.bin",
-        "images.txt",
-        "sparse/0/images.bin",
-        "sparse/0/images.txt",
-        "sparse/images.bin",
-        "sparse/images.txt",
-    ),
+    [f"{folder}images.{kind}" for folder in ("", "sparse/0/", "sparse/") for kind in ("bin", "txt")],
     ("transforms.json",),
     ("scene_camera.json",),
 )

@@ -15,7 +15,7 @@ import numpy as np
 from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
-from warpvis.core.file_content import reading
+from warpvis.core.file_content import reading, require_package
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._archives import check_mcap
@@ -54,20 +54,16 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
         topic: The topic; not needed if only one topic has poses.
         distortion: Whether the camera is that of the raw images, with its lens, or of the rectified ones.
     """
-    try:
-        from rosbags.rosbag2 import Reader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise FileFormatError(
-            f"{path}: ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"
-        ) from None
+    rosbag2 = require_package("rosbags.rosbag2", f"{path}: ROS 2 bags are read with rosbags", "ros")
+    from rosbags.typesys import Stores, get_typestore
+
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag; give a pose file")
     name, _, child = (topic or "").partition(":")
     with reading(path, "a ROS 2 bag"):
         check_mcap(path)
         store = get_typestore(Stores.LATEST)
-        with Reader(path) as reader:
+        with rosbag2.Reader(path) as reader:
             types = {item.topic: item.msgtype for item in reader.connections}
             name = _choose_topic(path, types, name)
             kind = types[name]

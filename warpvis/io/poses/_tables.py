@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, pluralize, truncate
-from warpvis.core.file_content import reading
+from warpvis.core.file_content import reading, require_package
 from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
 from warpvis.io._archives import check_unpacked
@@ -76,12 +76,7 @@ def read_csv(path: Path) -> FilePoses:
 
 def read_parquet(path: Path) -> FilePoses:
     """Read the poses of a Parquet file; other columns are not read."""
-    try:
-        import pyarrow.parquet as parquet
-    except ImportError:
-        raise FileFormatError(
-            f"{path}: Parquet files are read with pyarrow, which is missing: pip install 'warpvis[dataset]'"
-        ) from None
+    parquet = require_package("pyarrow.parquet", f"{path}: Parquet files are read with pyarrow", "dataset")
     with reading(path, "Parquet"):
         with parquet.ParquetFile(path) as file:
             names = file.schema_arrow.names

@@ -21,7 +21,7 @@ from pathlib import Path, PurePosixPath
 from warpvis.core.checks import pluralize
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.webots._grammar import Parser, World, read_text, read_version
+from warpvis.webots._grammar import Parser, World, read_text
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version, described, fail
 from warpvis.webots._urls import Found, Places, is_file, is_web, with_slashes
 from warpvis.webots.protos._template_engine import TemplateEngine
@@ -84,8 +84,7 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     """Read a PROTO file; `source` is its URL, if it is a copy in Webots' cache, whose file name is a hash."""
     text = read_text(path)
     source = str(path) if source is None else source
-    version = read_version(text, source)
-    parser = Parser(text, source, version)
+    parser = Parser(text, source)
     externprotos = parser.externprotos()
     if parser.token != "PROTO":
         parser.fail("EXTERNPROTO or PROTO")
@@ -96,7 +95,7 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     parser.take("[", f"'[' after PROTO {name}")
     fields: dict[str, ProtoField] = {}
     while parser.kind != "]":
-        field = _read_field(parser, source, version)
+        field = _read_field(parser, source)
         fields[field.name] = field
     parser.advance()
     start, line = parser.start + 1, parser.line()
@@ -107,10 +106,10 @@ def read_proto(path: Path, source: str | None = None) -> ProtoFile:
     # All fields, if not accessed by name.
     used = fields if re.search(r"\bfields\b\s*[^\s.]", body) else read & set(fields)
     language = language_of(head, body)
-    return ProtoFile(path, source, version, externprotos, name, fields, body, line, language, frozenset(used))
+    return ProtoFile(path, source, parser.version, externprotos, name, fields, body, line, language, frozenset(used))
 
 
-def _read_field(parser: Parser, file: str, version: Version) -> ProtoField:
+def _read_field(parser: Parser, file: str) -> ProtoField:
     if parser.token not in _KINDS:
         parser.fail("a field or ']'")
     parser.advance()
@@ -129,7 +128,7 @@ def _read_field(parser: Parser, file: str, version: Version) -> ProtoField:
     start, line = parser.start, parser.line()
     value = parser.value(f"a default of {name!r}")
     field = ProtoField(name, field_type, parser.text[start : parser.start], line, tuple(allowed))
-    _checked(field, Node("PROTO", {name: value}, None, file, line, version))
+    _checked(field, Node("PROTO", {name: value}, None, file, line, parser.version))
     return field
 
 
