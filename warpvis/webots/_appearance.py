@@ -71,15 +71,17 @@ class Surface(NamedTuple):
     geometry: Node
     mesh: Triangles
     """In the geometry's frame."""
-    mirrored: bool
-    """Whether its transform to the world reverses the orientation of triangles."""
+    placed: Triangles
+    """In the world."""
+    level: bool
+    """Whether it is a level surface near the ground."""
 
     def coordinates(self) -> NDArray[np.float32] | None:
         """Return texture coordinates of the triangles' corners; None without a texture or coordinates."""
         if self.appearance is None or _texture_node(self.appearance) is None:
             return None
         try:
-            uv = texture_coordinates(self.geometry, *self.mesh, mirrored=self.mirrored)
+            uv = texture_coordinates(self.geometry, *self.mesh, mirrored=self.placed[1] is not self.mesh[1])
             change = self.appearance.node("textureTransform")
             return uv if uv is None or change is None else _transformed(uv, change)
         except WarpvisError:  # does not affect depth

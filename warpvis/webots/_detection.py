@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError
 from warpvis.webots._devices import Device
 from warpvis.webots._nodes import Node, Transform, Value
@@ -199,6 +200,10 @@ class Frustum:
     inwards: NDArray[np.float64]
     """Unit normals of the right, bottom, left and top planes, shape ``(4, 3)``: inward, but outward for a camera whose
     field of view exceeds a hemisphere."""
+    eye: NDArray[np.float64]
+    """Position of the camera in the world [m]."""
+    axes: NDArray[np.float64]
+    """Axes of the camera in the world, one per row."""
 
     @classmethod
     def of(cls, device: Device) -> Frustum:
@@ -207,15 +212,18 @@ class Frustum:
         right, left = np.array([(x, -y, z), (x, -y, -z)]), np.array([(x, y, z), (x, y, -z)])
         sides = ((right[0], right[1]), (right[1], left[1]), (left[1], left[0]), (left[0], right[0]))
         inwards = np.array([np.cross(one, other) for one, other in sides])
-        return cls(device, inwards / np.linalg.norm(inwards, axis=1, keepdims=True))
+        matrix = poses_to_matrices(device.pose)
+        right, down, forward = matrix[:3, :3].T
+        axes = np.stack([forward, -right, -down])
+        return cls(device, inwards / np.linalg.norm(inwards, axis=1, keepdims=True), matrix[:3, 3], axes)
 
     @property
     def sees_around(self) -> bool:
         """Whether the field of view exceeds a hemisphere."""
         return self.device.fov > math.pi
 
-    def box(self, extent: Extent, eye: NDArray[np.float64], axes: NDArray[np.float64], resolve: Resolve) -> Box | None:
-        """Compute the box of the part of a Solid in the frustum of a camera at `eye` [m], along its axes; or None."""
+    def box(self, extent: Extent, resolve: Resolve) -> Box | None:
+        """Compute the box of the part of a Solid within the frustum; None if no part is. `resolve` finds mesh files."""
         found: Box | None = None
         for solid in extent.family():
             read = [bound_of(node, transform, resolve) for node, transform in solid.bounding]
@@ -224,8 +232,8 @@ class Frustum:
             if sphere is not None:
                 bounds.append(Bound(sphere.center[None], sphere.radius))
             for bound in bounds:
-                points = (bound.points - eye) @ axes.T
-                box = self._of_round(points[0], bound, axes) if bound.radius else self._of_points(points)
+                points = (bound.points - self.eye) @ self.axes.T
+                box = self._of_round(points[0], bound) if bound.radius else self._of_points(points)
                 if box is not None and found is not None:
                     ends = [each.middle + sign * each.size / 2 for each in (found, box) for sign in (-1, 1)]
                     box = _box_around(np.array(ends), is_round=found.round and box.round)
@@ -263,11 +271,11 @@ class Frustum:
         off = distances[np.arange(len(points)), side][:, None] * self.inwards[side]
         return _box_around(np.where(outside[:, None], points - off, points))
 
-    def _of_round(self, middle: NDArray[np.float64], bound: Bound, axes: NDArray[np.float64]) -> Box | None:
+    def _of_round(self, middle: NDArray[np.float64], bound: Bound) -> Box | None:
         """Cut off the part outside each side plane, by the distance of the middle from the plane."""
         size = np.full(3, 2 * bound.radius)
         if bound.axis is not None:
-            along = np.abs(axes @ bound.axis)
+            along = np.abs(self.axes @ bound.axis)
             size = along * bound.height + 2 * bound.radius * np.sqrt(np.maximum(0.0, 1 - along**2))
         half = size[[1, 2, 1, 2]] / 2
         distances = self.inwards @ middle

@@ -19,7 +19,7 @@ from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Transform, Value, Version, new_node, replaced
 from warpvis.webots.shapes._geometry import GEOMETRIES
-from warpvis.webots.shapes._polygons import Triangles, join
+from warpvis.webots.shapes._polygons import join
 
 GROUND_HEIGHT = 0.1
 """Maximum absolute height of a level surface that is labeled as ground [m]."""
@@ -82,9 +82,7 @@ class Solid:
     ground: bool = False
     recognized: bool = False
     arena: bool = False
-    parts: list[Triangles] = field(default_factory=list)
-    surfaces: list[Surface] = field(default_factory=list)  # per part
-    level: list[bool] = field(default_factory=list)  # per part, whether it is a level surface near the ground
+    parts: list[Surface] = field(default_factory=list)
 
     def label(self) -> Label:
         """Choose the label by the rules of `warpvis.webots.load_webots`."""
@@ -94,7 +92,7 @@ class Solid:
         if self.robots:
             return Label.ROBOT
         is_ground_name = ("floor" in name or "ground" in name) and "light" not in name and "lamp" not in name
-        if self.ground or is_ground_name or all(self.level):
+        if self.ground or is_ground_name or all(part.level for part in self.parts):
             return Label.GROUND
         return Label.OBJECT if self.recognized else Label.OBSTACLE
 
@@ -188,21 +186,19 @@ def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[So
     for solid in solids:
         if not solid.parts:
             continue
-        for preferred_name, label, numbers in _objects_of(solid):
-            parts = [solid.parts[number] for number in numbers]
-            appearance = join_appearances([solid.surfaces[number] for number in numbers], find)
-            objects.append(Part(taken.take(preferred_name), join(parts), label, appearance=appearance))
+        for preferred_name, label, parts in _objects_of(solid):
+            mesh, appearance = join([part.placed for part in parts]), join_appearances(parts, find)
+            objects.append(Part(taken.take(preferred_name), mesh, label, appearance=appearance))
             names.setdefault(solid, []).append(objects[-1].name)
     return objects, names
 
 
-def _objects_of(solid: Solid) -> list[tuple[str, Label, list[int]]]:
-    """Return name, label and part indices of each object made from a Solid; arenas are split into floor and walls."""
-    if solid.arena and any(solid.level) and not all(solid.level):
-        floor = [number for number, level in enumerate(solid.level) if level]
-        walls = [number for number, level in enumerate(solid.level) if not level]
+def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Surface]]]:
+    """Return name, label and parts of each object made from a Solid; arenas are split into floor and walls."""
+    floor, walls = ([part for part in solid.parts if part.level == level] for level in (True, False))
+    if solid.arena and floor and walls:
         return [(f"{solid.preferred_name} floor", Label.GROUND, floor), (solid.preferred_name, Label.OBSTACLE, walls)]
-    return [(solid.preferred_name, solid.label(), list(range(len(solid.parts))))]
+    return [(solid.preferred_name, solid.label(), solid.parts)]
 
 
 def parts_of(node: Node) -> list[Node]:

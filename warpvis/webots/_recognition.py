@@ -9,7 +9,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warpvis.cameras import AnyCamera, as_pinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.cameras.rays import WideCamera
-from warpvis.core.poses import look_at, poses_to_matrices
+from warpvis.core.poses import look_at
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer, render
 from warpvis.scene import Scene
@@ -26,10 +26,14 @@ from warpvis.webots._detection import Bounds, Box, Extent, Frustum, triangles_of
 from warpvis.webots._devices import Device
 from warpvis.webots._nodes import Node, replaced
 from warpvis.webots._range_images import find_device
+from warpvis.webots.shapes._geometry import Resolve
 from warpvis.webots.shapes._polygons import join
 
 if TYPE_CHECKING:
     from warpvis.webots._world import WebotsWorld
+
+_Obstacles: TypeAlias = tuple[Scene, dict[Extent, str]]
+"""A scene of bounding objects, and its object of each Solid."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,19 +92,17 @@ def recognize(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     groups = {name: names for name, (_, names) in world.recognizable.items() if names}
     if not groups:
         return []
-    frustum, matrix = Frustum.of(device), poses_to_matrices(device.pose)
-    eye, axes = matrix[:3, 3], matrix[:3, :3].T
-    axes = np.stack([axes[2], -axes[0], -axes[1]])  # forward, left, up
+    frustum = Frustum.of(device)
     boxes, counts = _seen(world, device, groups, threads)
     obstacles = _obstacles(world.bounds) if occlusion else None
     found = []
     for name, names in groups.items():
         extent = world.bounds.recognized[name]
-        box = _detected(world, device, frustum, (eye, axes), extent, reach)
+        box = _detected(frustum, extent, reach, world.bounds.resolve)
         if box is None:
             continue
         place, size = frustum.on_image(box)
-        if min(size) < 1 or (obstacles and _hidden(obstacles, extent, box, device.robot, eye, occlusion, threads)):
+        if min(size) < 1 or (obstacles and _hidden(obstacles, frustum, extent, box, occlusion, threads)):
             continue
         pixels = int(sum(counts[world.scene.index(item)] for item in names))
         silhouette = _union([boxes[item] for item in names]) or (0, 0, 0, 0)
@@ -111,22 +113,14 @@ def recognize(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     return found if max_objects < 0 else found[:max_objects]
 
 
-def _detected(
-    world: WebotsWorld,
-    device: Device,
-    frustum: Frustum,
-    frame: tuple[NDArray[np.float64], NDArray[np.float64]],
-    extent: Extent,
-    reach: float,
-) -> Box | None:
+def _detected(frustum: Frustum, extent: Extent, reach: float, resolve: Resolve) -> Box | None:
     """Compute the box of a Solid; None if it belongs to the camera's robot, is too far away or not in the image."""
-    eye, axes = frame
-    if device.robot and extent.robot == device.robot and extent.level <= 1:
+    robot, sphere = frustum.device.robot, extent.sphere()
+    if robot and extent.robot == robot and extent.level <= 1:
         return None
-    sphere = extent.sphere()
-    if sphere is None or np.linalg.norm(sphere.center - eye) > reach + sphere.radius:
+    if sphere is None or np.linalg.norm(sphere.center - frustum.eye) > reach + sphere.radius:
         return None
-    box = frustum.box(extent, eye, axes, world.bounds.resolve)
+    box = frustum.box(extent, resolve)
     return box if box is not None and abs(box.middle[0]) <= reach + box.size[0] / 2 else None
 
 
@@ -164,7 +158,7 @@ def _isolated_boxes(
     return boxes
 
 
-def _obstacles(bounds: Bounds) -> tuple[Scene, dict[Extent, str]]:
+def _obstacles(bounds: Bounds) -> _Obstacles:
     """Build a scene of all bounding objects; return it with the object name of each Solid."""
     scene = Scene()
     names: dict[Extent, str] = {}
@@ -238,19 +232,13 @@ def _object_image(world: WebotsWorld, device: Device, threads: int | None) -> ND
 
 
 def _hidden(
-    obstacles: tuple[Scene, dict[Extent, str]],
-    extent: Extent,
-    box: Box,
-    robot: str,
-    eye: NDArray[np.float64],
-    occlusion: int,
-    threads: int | None,
+    obstacles: _Obstacles, frustum: Frustum, extent: Extent, box: Box, occlusion: int, threads: int | None
 ) -> bool:
     """Return whether other Solids' bounding objects end all rays to a Solid, more than half of its size before it.
 
     As in Webots, ray `i` is compared with the length along axis ``i // 2`` of the box.
     """
-    scene, names = obstacles
+    (scene, names), robot, eye = obstacles, frustum.device.robot, frustum.eye
     # Webots adds the box's corners, in camera axes, to a position in the world without rotating them.
     ends = extent.origin + (np.zeros((1, 3)) if occlusion == 1 else box.corners())
     lengths = np.linalg.norm(ends - eye, axis=1)

@@ -311,11 +311,10 @@ class Reader:
         if not (np.abs(placed) <= FARTHEST).all():
             raise FileFormatError(f"{node.place}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
-        owner.parts.append((placed, faces))
-        owner.surfaces.append(Surface(shape_appearance(node), geometry, mesh, mirrored=faces is not mesh[1]))
+        level = is_level(placed, faces, "xyz".index(self.up))
+        owner.parts.append(Surface(shape_appearance(node), geometry, mesh, (placed, faces), level))
         if step.recognized and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
-        owner.level.append(is_level(placed, faces, "xyz".index(self.up)))
 
     def _tessellate(self, geometry: Node) -> Triangles | None:
         """Tessellate a geometry node, cached because USE may repeat it; return None if it has no triangles."""
@@ -362,7 +361,7 @@ class Reader:
         lines = []
         for depth, text, solid in self._lines:
             if solid is not None and solid.parts:
-                count = sum(len(faces) for _, faces in solid.parts)
+                count = sum(len(part.placed[1]) for part in solid.parts)
                 text += f": object {', '.join(map(repr, names[solid]))}, {pluralize(count, 'triangle')}"
             lines.append("  " * depth + text)
         return "\n".join(lines)
