@@ -112,10 +112,8 @@ class Split(NamedTuple):
 
     factors: NDArray[np.float64]
     """Scale factors along the mesh's axes, all negative for mirrored meshes, shape ``(n, 3)``."""
-    rows: NDArray[np.float64]
-    """``x y z qx qy qz qw``, shape ``(n, 7)``."""
-    fits: NDArray[np.bool_]
-    """Whether the decomposition is exact; it is not for placements that shear or flatten."""
+    rows: NDArray[np.float64]  # ``x y z qx qy qz qw``, shape ``(n, 7)``
+    fits: NDArray[np.bool_]  # whether the decomposition is exact; it is not for placements that shear or flatten
 
     @property
     def copies(self) -> int:

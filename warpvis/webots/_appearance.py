@@ -69,12 +69,9 @@ class Surface(NamedTuple):
 
     appearance: Node | None
     geometry: Node
-    mesh: Triangles
-    """In the geometry's frame."""
-    placed: Triangles
-    """In the world."""
-    level: bool
-    """Whether it is a level surface near the ground."""
+    mesh: Triangles  # in the geometry's frame
+    placed: Triangles  # in the world
+    level: bool  # whether it is a level surface near the ground
 
     def coordinates(self) -> NDArray[np.float32] | None:
         """Return texture coordinates of the triangles' corners; None without a texture or coordinates."""

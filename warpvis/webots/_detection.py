@@ -51,26 +51,19 @@ class Ball(NamedTuple):
 class Bound(NamedTuple):
     """A geometry of a bounding object, in the world [m]."""
 
-    points: NDArray[np.float64]
-    """Vertices, shape ``(n, 3)``; for round geometry its center, shape ``(1, 3)``."""
-    radius: float = 0.0
-    """Radius of round geometry; 0 for other geometry."""
-    height: float = 0.0
-    """Height including the caps; 0 for a sphere."""
-    axis: NDArray[np.float64] | None = None
-    """Unit vector along the height."""
+    points: NDArray[np.float64]  # vertices, shape ``(n, 3)``; for round geometry its center, shape ``(1, 3)``
+    radius: float = 0.0  # radius of round geometry; 0 for other geometry
+    height: float = 0.0  # height including the caps; 0 for a sphere
+    axis: NDArray[np.float64] | None = None  # unit vector along the height
 
 
 @dataclass(eq=False)
 class Extent:
     """A Solid with its position and bounds."""
 
-    origin: NDArray[np.float64]
-    """Origin of its frame in the world [m], shape ``(3,)``."""
-    robot: str = ""
-    """Name of its robot; empty without a robot."""
-    level: int = 0
-    """Depth below the robot, counted in Solids; 0 for the robot itself."""
+    origin: NDArray[np.float64]  # origin of its frame in the world [m], shape ``(3,)``
+    robot: str = ""  # name of its robot; empty without a robot
+    level: int = 0  # depth below the robot, counted in Solids; 0 for the robot itself
     bounding: list[tuple[Node, Transform]] = field(default_factory=list)
     """Geometry nodes of its bounding object, with their transforms."""
     parts: list[Ball | Extent] = field(default_factory=list)
@@ -106,12 +99,9 @@ class Extent:
 class Bounds(NamedTuple):
     """Extents of all Solids of a world."""
 
-    recognized: dict[str, Extent]
-    """Solids with `recognitionColors`, by their keys in `WebotsWorld.recognizable`."""
-    solids: list[Extent]
-    """All Solids."""
-    resolve: Resolve
-    """Finds the files of meshes."""
+    recognized: dict[str, Extent]  # solids with `recognitionColors`, by their keys in `WebotsWorld.recognizable`
+    solids: list[Extent]  # all Solids
+    resolve: Resolve  # finds the files of meshes
 
 
 def _enclose(one: Ball, other: Ball) -> Ball:
@@ -180,8 +170,7 @@ class Box(NamedTuple):
 
     middle: NDArray[np.float64]
     size: NDArray[np.float64]
-    round: bool
-    """Whether it bounds spheres only."""
+    round: bool  # whether it bounds spheres only
 
     def corners(self) -> NDArray[np.float64]:
         """List the targets of rays in occlusion mode 2, relative to the middle: corners, or a sphere's axis ends."""
@@ -200,10 +189,8 @@ class Frustum:
     inwards: NDArray[np.float64]
     """Unit normals of the right, bottom, left and top planes, shape ``(4, 3)``: inward, but outward for a camera whose
     field of view exceeds a hemisphere."""
-    eye: NDArray[np.float64]
-    """Position of the camera in the world [m]."""
-    axes: NDArray[np.float64]
-    """Axes of the camera in the world, one per row."""
+    eye: NDArray[np.float64]  # position of the camera in the world [m]
+    axes: NDArray[np.float64]  # axes of the camera in the world, one per row
 
     @classmethod
     def of(cls, device: Device) -> Frustum:

@@ -245,12 +245,9 @@ def replaced(node: Node, field: str, original: ArrayLike, replacement: _Replacem
 class Transform(NamedTuple):
     """An affine transform to the world: ``p_world = offset + linear p``."""
 
-    linear: NDArray[np.float64]
-    """Product of rotations and scales, shape ``(3, 3)``."""
-    rotation: NDArray[np.float64]
-    """Product of rotations, without scales, shape ``(3, 3)``."""
-    offset: NDArray[np.float64]
-    """Origin in the world [m], shape ``(3,)``."""
+    linear: NDArray[np.float64]  # product of rotations and scales, shape ``(3, 3)``
+    rotation: NDArray[np.float64]  # product of rotations, without scales, shape ``(3, 3)``
+    offset: NDArray[np.float64]  # origin in the world [m], shape ``(3,)``
 
     def rigid(self) -> NDArray[np.float64]:
         """Return the rotation and the origin as a matrix, shape ``(4, 4)``."""

@@ -102,21 +102,15 @@ class Step(NamedTuple):
 
     node: Node
     transform: Transform
-    owner: Solid | None = None
-    """The Solid to which its shapes are added."""
+    owner: Solid | None = None  # the Solid to which its shapes are added
     robots: tuple[str, ...] = ()
     recognized: tuple[str, ...] = ()
     human: bool = False
-    called: str = ""
-    """The nearest DEF name, for shapes outside of any Solid."""
-    instances: tuple[Node, ...] = ()
-    """The PROTO instances that expand to this node."""
-    within: tuple[str, ...] = ()
-    """Types of the PROTOs that contain it."""
-    origin: str = ""
-    """The PROTO without a file whose fields contain it; then only devices are read."""
-    extent: Extent | None = None
-    """The Solid that contains it."""
+    called: str = ""  # the nearest DEF name, for shapes outside of any Solid
+    instances: tuple[Node, ...] = ()  # the PROTO instances that expand to this node
+    within: tuple[str, ...] = ()  # types of the PROTOs that contain it
+    origin: str = ""  # the PROTO without a file whose fields contain it; then only devices are read
+    extent: Extent | None = None  # the Solid that contains it
     depth: int = 0
 
     @property

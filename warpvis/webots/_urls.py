@@ -27,10 +27,8 @@ CACHED_SINCE = Version(2022, 2)
 class Found:
     """A file on this machine."""
 
-    path: Path
-    """Its path."""
-    name: str
-    """Name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache."""
+    path: Path  # its path
+    name: str  # name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache
 
 
 @dataclass(frozen=True)
@@ -44,14 +42,11 @@ class Places:
     cache, whose files are named by the SHA-1 of their URL (``WbNetwork.cpp``).
     """
 
-    world: Path
-    """The world's file."""
-    version: Version
-    """The world's version, which determines the release from which ``webots://`` files were downloaded."""
+    world: Path  # the world's file
+    version: Version  # the world's version, which determines the release from which ``webots://`` files were downloaded
     search_path: list[Path] = field(default_factory=list)
     """Folders of PROTO files, possibly Webots' installation folder or its ``projects``."""
-    cache: Path | None = None
-    """Folder of Webots' cache."""
+    cache: Path | None = None  # folder of Webots' cache
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
         """Find the local file of a URL in `file`, in the bodies of `protos`, outermost first; None if there is none."""

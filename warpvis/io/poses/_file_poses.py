@@ -22,22 +22,14 @@ from warpvis.errors import FileFormatError, PoseError, WarpvisError
 class FilePoses:
     """The content of a pose file, before its values are checked."""
 
-    poses: NDArray[np.generic]
-    """Camera to world: rows ``(V, 7)`` or matrices ``(V, 4, 4)``."""
-    place: Callable[[int], str]
-    """Location of a pose for messages: ``walk.csv:12``."""
-    convention: Convention = "opencv"
-    """Default axes of the camera frame for the format."""
-    timestamps: NDArray[np.generic] | None = None
-    """Time of every pose [s], shape ``(V,)``."""
-    object_poses: ObjectPoses = None
-    """See `Frames`."""
-    world_index: ArrayInput | None = None
-    """See `Frames`."""
-    camera: ImageCamera | None = None
-    """The camera of all poses, if defined in the file."""
-    details: Mapping[str, Json] = field(default_factory=dict)
-    """Further details of the source of the poses."""
+    poses: NDArray[np.generic]  # camera to world: rows ``(V, 7)`` or matrices ``(V, 4, 4)``
+    place: Callable[[int], str]  # location of a pose for messages: ``walk.csv:12``
+    convention: Convention = "opencv"  # default axes of the camera frame for the format
+    timestamps: NDArray[np.generic] | None = None  # time of every pose [s], shape ``(V,)``
+    object_poses: ObjectPoses = None  # see `Frames`
+    world_index: ArrayInput | None = None  # see `Frames`
+    camera: ImageCamera | None = None  # the camera of all poses, if defined in the file
+    details: Mapping[str, Json] = field(default_factory=dict)  # further details of the source of the poses
 
     def to_frames(
         self, path: Path, file_format: str, convention: Convention | None, quaternion: QuaternionOrder = "xyzw"

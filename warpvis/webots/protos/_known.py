@@ -28,18 +28,12 @@ Piece: TypeAlias = tuple[_Sides, _Sides]
 class Known:
     """The stand-in of a PROTO."""
 
-    pieces: tuple[Piece, ...]
-    """Its boxes."""
-    ahead: Ahead = "x"
-    """The axis before R2022a (y up) that corresponds to x; it differs between PROTOs."""
-    name: str = ""
-    """Its default name, if it differs from its type in words."""
-    translation: _Sides = (0.0, 0.0, 0.0)
-    """Its default translation since R2022a [m]."""
-    old_lift: float = 0.0
-    """How much lower its boxes were relative to its origin before R2022a [m]."""
-    robot: bool = False
-    """Whether it is a robot, even without a field `controller`."""
+    pieces: tuple[Piece, ...]  # its boxes
+    ahead: Ahead = "x"  # the axis before R2022a (y up) that corresponds to x; it differs between PROTOs
+    name: str = ""  # its default name, if it differs from its type in words
+    translation: _Sides = (0.0, 0.0, 0.0)  # its default translation since R2022a [m]
+    old_lift: float = 0.0  # how much lower its boxes were relative to its origin before R2022a [m]
+    robot: bool = False  # whether it is a robot, even without a field `controller`
 
 
 def _standing(across: float, along: float, up: float) -> tuple[Piece, ...]:
