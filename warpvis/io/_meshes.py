@@ -25,8 +25,8 @@ from warpvis.core.labels import Label
 from warpvis.core.plugins import MESH_READERS, load_plugin, plugin_names
 from warpvis.core.types import MeshLike
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.io._archives import is_archive, unpack
 from warpvis.io._file_meshes import FileMesh, FileMeshes
+from warpvis.io._files import is_archive, unpack
 from warpvis.io._gltf import read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate

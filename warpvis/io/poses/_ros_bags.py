@@ -18,7 +18,7 @@ from warpvis.core.checks import truncate
 from warpvis.core.file_content import reading, require_package
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
-from warpvis.io._archives import check_mcap
+from warpvis.io._files import check_mcap
 from warpvis.io.cameras._pinhole import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
