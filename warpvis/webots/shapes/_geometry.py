@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.checks import describe_exception
-from warpvis.core.file_content import require_content
+from warpvis.core.file_content import reading, require_content
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.collada import frame_of, without_skins
@@ -256,7 +255,7 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
     options: dict[str, Any] = {"process": False}
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
-    try:
+    with reading(path, kind.upper()):
         linear = np.eye(3)
         if kind == "dae":
             file = path.read_bytes()
@@ -273,8 +272,6 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
                 vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
                 faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
                 parts.append((str(name), (vertices @ linear.T, faces)))
-    except Exception as error:  # trimesh's readers may raise any exception
-        raise FileFormatError(f"{path}: cannot be read as {kind.upper()}: {describe_exception(error)}") from None
     if not parts:
         raise FileFormatError(f"{path}: holds no triangles")
     if not all(np.isfinite(vertices).all() for _, (vertices, _) in parts):
