@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.types import Json
-from warpvis.io._file_meshes import FileMeshes
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
 from warpvis.io._gltf_materials import GltfMaterials, Locate
 from warpvis.io._gltf_placements import (
@@ -33,6 +33,7 @@ from warpvis.io._gltf_placements import (
     skinned,
     split,
 )
+from warpvis.scene import Part
 from warpvis.scene.lights import Light
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -50,6 +51,21 @@ _HARMLESS = re.compile(
 
 _LIGHTS = "KHR_lights_punctual"
 _LIGHT_KINDS = ("directional", "point", "spot")
+
+
+@dataclass
+class FileMeshes:
+    """Contents of a mesh file."""
+
+    parts: list[Part] = field(default_factory=list)
+    """Meshes in the file's frame, or shared with others and their poses. A name is empty if the file has none; for
+    glTF, it is that of the node, or else of the mesh, followed by the primitive's number if there are several."""
+    empty: list[str] = field(default_factory=list)  # names of items without triangles
+    notes: list[str] = field(default_factory=list)  # other items that were skipped, as parts of a sentence
+    lights: list[Light] = field(default_factory=list)
+    unlit: list[str] = field(default_factory=list)
+    """Lights that cannot be read, and why, as parts of a sentence. Not an error even with ``strict``."""
+    up: str | None = None  # the file's vertical axis, if defined by its format or the file
 
 
 def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
@@ -155,11 +171,11 @@ def _add_mesh(
             if parts.copies * len(shape.vertices) > _MAX_CORNERS:
                 raise ValueError(f"the {len(copies)} instances of node {index} have more than {_MAX_CORNERS} corners")
             names = [f"{part_name or f'node_{index}'}_{copy}" for copy in range(len(copies))]
-            found.meshes += shape.shared(names, matrices, parts, extras, movable=True)
+            found.parts += shape.shared(names, matrices, parts, extras, movable=True)
         elif shared is not None:
-            found.meshes += shape.shared([part_name], above[None], shared, extras, movable=False)
+            found.parts += shape.shared([part_name], above[None], shared, extras, movable=False)
         else:
-            found.meshes.append(shape.placed(part_name, above, extras))
+            found.parts.append(shape.placed(part_name, above, extras))
 
 
 def _extras_of(item: dict[str, Any]) -> dict[str, Any]:

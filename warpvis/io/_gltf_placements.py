@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import Json
-from warpvis.io._file_meshes import FileMesh
 from warpvis.io._gltf_data import GltfData
-from warpvis.scene import keep_winding
+from warpvis.scene import Part, keep_winding
 from warpvis.scene.appearances import LazyAppearance
 
 INSTANCES = "EXT_mesh_gpu_instancing"
@@ -152,15 +152,16 @@ class Shape:
         self.vertices, self.faces, self.appearance = vertices, faces, appearance
         self._scaled: dict[bytes, tuple[NDArray[np.float64], NDArray[np.integer]]] = {}
 
-    def placed(self, name: str, placement: NDArray[np.float64], extras: dict[str, Any]) -> FileMesh:
+    def placed(self, name: str, placement: NDArray[np.float64], extras: dict[str, Any]) -> Part:
         """Return the mesh in the file's frame."""
         with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return FileMesh(name, corners, keep_winding(self.faces, placement[:3, :3]), extras, appearance=self.appearance)
+        mesh = corners, keep_winding(self.faces, placement[:3, :3])
+        return Part(name, mesh, _label(extras), appearance=self.appearance, extras=extras)
 
     def shared(
         self, names: list[str], placements: NDArray[np.float64], parts: Split, extras: dict[str, Any], *, movable: bool
-    ) -> Iterator[FileMesh]:
+    ) -> Iterator[Part]:
         """Yield the mesh at placements: with poses that share it, or in the file's frame where it cannot be decomposed.
 
         `parts` are the placements, decomposed; if `movable`, movable objects share the mesh, too.
@@ -170,8 +171,8 @@ class Shape:
             if not fits:
                 yield self.placed(name, matrix, extras)
                 continue
-            vertices, faces = self._of_size(size.tobytes(), factors)
-            yield FileMesh(name, vertices, faces, extras, row, movable, self.appearance)
+            mesh, label = self._of_size(size.tobytes(), factors), _label(extras)
+            yield Part(name, mesh, label, row, has_frame=movable, appearance=self.appearance, extras=extras)
 
     def _of_size(self, key: bytes, factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
         """Return the scaled mesh."""
@@ -179,6 +180,11 @@ class Shape:
             with np.errstate(invalid="ignore", over="ignore"):
                 self._scaled[key] = self.vertices * factors, keep_winding(self.faces, np.diag(factors))
         return self._scaled[key]
+
+
+def _label(extras: dict[str, Any]) -> Any:
+    """Return the label that `Scene.export` writes; `Scene.add` checks it."""
+    return extras.get("label", Label.OBSTACLE)
 
 
 def _sizes(factors: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ import logging
 import posixpath
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,15 +26,14 @@ from warpvis.core.labels import Label
 from warpvis.core.plugins import MESH_READERS, load_plugin, plugin_names
 from warpvis.core.types import MeshLike
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.io._file_meshes import FileMesh, FileMeshes
 from warpvis.io._files import is_archive, unpack
-from warpvis.io._gltf import read_gltf
+from warpvis.io._gltf import FileMeshes, read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import ObjMaterials, obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._ply import straighten_ply
 from warpvis.scene import Axis, FileParts, Part, keep_winding
-from warpvis.scene.appearances import choose_appearance
+from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
 
 _GLTF = ("glb", "gltf")
@@ -59,21 +59,9 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         return _read_by_plugin(read, path)
     else:
         loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
-    is_single = len(loaded.meshes) == 1
-    names = _unique(
-        [mesh.name or (path.stem if is_single else f"mesh_{number}") for number, mesh in enumerate(loaded.meshes)]
-    )
-    parts = [
-        Part(
-            name,
-            (mesh.vertices, mesh.faces),
-            mesh.extras.get("label", Label.OBSTACLE),
-            mesh.row,
-            has_frame=mesh.shares_movable,
-            appearance=mesh.appearance,
-        )
-        for name, mesh in zip(names, loaded.meshes, strict=True)
-    ]
+    is_single = len(loaded.parts) == 1
+    names = [part.name or (path.stem if is_single else f"mesh_{number}") for number, part in enumerate(loaded.parts)]
+    parts = [replace(part, name=name) for name, part in zip(_unique(names), loaded.parts, strict=True)]
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
         more = ", ..." if len(loaded.empty) > _MAX_NAMED else ""
@@ -84,20 +72,20 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     if loaded.unlit:
         messages.append(f"{path}: left out the lights of {', '.join(loaded.unlit[:_MAX_NAMED])}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
-    classes, lights = _classes(path, loaded.meshes), tuple(loaded.lights)
+    classes, lights = _classes(path, parts), tuple(loaded.lights)
     return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights)
 
 
-def _classes(path: Path, meshes: Sequence[FileMesh]) -> LabelRules:
+def _classes(path: Path, parts: Sequence[Part]) -> LabelRules:
     """Return the classes that `Scene.export` writes in addition to labels: their names, and which are ground."""
     names: dict[int, str] = {}
-    for mesh in meshes:
-        number, name = mesh.extras.get("label"), mesh.extras.get("label_name")
+    for part in parts:
+        number, name = part.extras.get("label"), part.extras.get("label_name")
         if is_whole(number) and isinstance(name, str) and names.setdefault(number, name) != name:
             raise FileFormatError(f"{path}: names the label {number} both {names[number]!r} and {name!r}")
     ground = {int(Label.GROUND): True}
-    for mesh in meshes:
-        number, flag = _number(mesh.extras.get("label")), mesh.extras.get("ground")
+    for part in parts:
+        number, flag = _number(part.extras.get("label")), part.extras.get("ground")
         if number is not None and isinstance(flag, bool):
             ground[number] = flag
     chosen = tuple(number for number, flag in ground.items() if flag)
@@ -167,7 +155,7 @@ def _load_archive(path: Path) -> FileMeshes:
             partial(_locate_member, companions, member),
         )
         stem = posixpath.splitext(posixpath.basename(member))[0]
-        combined.meshes += [mesh._replace(name=mesh.name or stem) for mesh in loaded.meshes]
+        combined.parts += [replace(part, name=part.name or stem) for part in loaded.parts]
         combined.empty += loaded.empty
         combined.notes += loaded.notes
         combined.lights += loaded.lights
@@ -271,9 +259,10 @@ class _Textures:
 def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
     """Read COLLADA in meters, with the vertical axis defined in the file; files with x up are rotated to y up."""
     meters, axis = unit_and_axis(file)
-    found = _load_by_trimesh(without_skins(file), "dae", resolver=_Textures(locate))
     rotation = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
-    found.meshes = [mesh._replace(vertices=meters * mesh.vertices @ rotation.T) for mesh in found.meshes]
+    found = _load_by_trimesh(
+        without_skins(file), "dae", lambda vertices: meters * vertices @ rotation.T, resolver=_Textures(locate)
+    )
     found.up = "z" if axis == "Z_UP" else "y"
     return found
 
@@ -281,10 +270,9 @@ def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
 def _load_3mf(path: Path, file: bytes) -> FileMeshes:
     """Read 3MF in meters, in the file's order; z is up, as specified by the format."""
     meters, names = unit_and_names(unpack(path, file))
-    found = _load_by_trimesh(file, "3mf")
+    found = _load_by_trimesh(file, "3mf", lambda vertices: meters * vertices)
     order = {name: number for number, name in enumerate(names)}
-    found.meshes = [mesh._replace(vertices=meters * mesh.vertices) for mesh in found.meshes]
-    found.meshes.sort(key=lambda mesh: order.get(mesh.name, len(order)))
+    found.parts.sort(key=lambda part: order.get(part.name, len(order)))
     found.up = "z"
     return found
 
@@ -292,22 +280,28 @@ def _load_3mf(path: Path, file: bytes) -> FileMeshes:
 def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text, notes = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
+    options = {"group_material": False, "skip_materials": True, **obj_splits(text)}
     try:
-        found = _load_by_trimesh(text, "obj", group_material=False, skip_materials=True, **obj_splits(text))
+        found = _load_by_trimesh(text, "obj", appearance_of=materials.appearance, **options)
     except Exception:  # trimesh's exceptions do not name the line
         require_obj_elements(file)
         raise
-    found.meshes = [
-        mesh._replace(appearance=materials.appearance(mesh.name, mesh.appearance, len(mesh.faces)))
-        for mesh in found.meshes
-    ]
     found.notes += notes
     order = obj_order(text)
-    found.meshes.sort(key=lambda mesh: order.get(mesh.name, -1))
+    found.parts.sort(key=lambda part: order.get(part.name, -1))
     return found
 
 
-def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
+def _load_by_trimesh(
+    file: bytes,
+    kind: str,
+    convert: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda vertices: vertices,
+    appearance_of: Callable[[str, LazyAppearance | None, int], LazyAppearance | None] = lambda name, found, faces: (
+        found
+    ),
+    **options: Any,
+) -> FileMeshes:
+    """Read a file; convert its vertices, and its appearances by name, appearance and number of triangles."""
     import trimesh
 
     # trimesh logs tracebacks of exceptions that it raises or handles; a user's own handlers still receive them.
@@ -329,9 +323,8 @@ def _load_by_trimesh(file: bytes, kind: str, **options: Any) -> FileMeshes:
         appearance = choose_appearance(
             None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb"
         )
-        found.meshes.append(
-            FileMesh(name, corners, keep_winding(mesh.faces, placement[:3, :3]), {}, appearance=appearance)
-        )
+        triangles = convert(corners), keep_winding(mesh.faces, placement[:3, :3])
+        found.parts.append(Part(name, triangles, appearance=appearance_of(name, appearance, len(mesh.faces))))
     return found
 
 

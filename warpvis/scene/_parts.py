@@ -60,6 +60,8 @@ class Part:
     """Other names that patterns match: that of its body."""
     appearance: Appearance | LazyAppearance | None = None
     """Its appearance, if defined in the file."""
+    extras: dict[str, Any] = field(default_factory=dict)
+    """Its metadata in the file."""
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of `Scene.add` that add it."""
