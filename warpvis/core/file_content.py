@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -84,9 +84,10 @@ def read_text(path: Path, kind: str) -> str:
 def require_package(module: str, purpose: str, extra: str) -> Any:
     """Import and return a package of an extra; raise a FileFormatError with its purpose if it is missing."""
     try:
-        return importlib.import_module(module)
+        __import__(module)
     except ImportError:
         raise FileFormatError(f"{purpose}, which is missing: pip install 'warpvis[{extra}]'") from None
+    return sys.modules[module]
 
 
 def is_file(path: Path) -> bool:

@@ -129,7 +129,8 @@ class GltfData:
         if index not in self._buffers:
             uri = item.get("uri")
             if uri is not None:
-                self._buffers[index] = _resource(str(uri), self._find)
+                inline = str(uri).startswith("data:")
+                self._buffers[index] = uri_bytes(str(uri)) if inline else self._find(uri_name(str(uri)))
             elif index == 0 and self._chunk is not None:
                 self._buffers[index] = self._chunk
             else:
@@ -230,10 +231,6 @@ def _chunks(file: bytes) -> tuple[bytes, bytes | None]:
     if b"JSON" not in chunks:
         raise ValueError("it has no JSON")
     return chunks[b"JSON"], chunks.get(b"BIN\0")
-
-
-def _resource(uri: str, find: Find) -> bytes:
-    return uri_bytes(uri) if uri.startswith("data:") else find(uri_name(uri))
 
 
 def uri_bytes(uri: str) -> bytes:

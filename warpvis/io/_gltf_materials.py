@@ -73,7 +73,9 @@ class GltfMaterials:
     def _appearance(self, primitive: dict[str, Any], attribute: Attribute) -> Appearance:
         """Read the appearance of a primitive."""
         attributes, index = primitive["attributes"], primitive.get("material")
-        colors = _vertex_colors(attribute("COLOR_0")) if "COLOR_0" in attributes else None
+        colors = None
+        if "COLOR_0" in attributes:  # the specification limits them to 0 to 1 (3.7.2.1)
+            colors = np.clip(attribute("COLOR_0").astype(np.float32), 0.0, 1.0)
         if index is None:
             return Appearance((Material(color_space="linear"),), vertex_colors=colors)
         entry = self._data.one("materials", index)
@@ -163,11 +165,6 @@ def _base(entry: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:
         return old.get("diffuseFactor", (1, 1, 1, 1)), old.get("diffuseTexture")
     rough = entry.get("pbrMetallicRoughness") or {}
     return rough.get("baseColorFactor", (1, 1, 1, 1)), rough.get("baseColorTexture")
-
-
-def _vertex_colors(rows: NDArray[np.generic]) -> NDArray[np.float32]:
-    """Read vertex colors, which the specification limits to 0 to 1 (3.7.2.1)."""
-    return np.clip(rows.astype(np.float32), 0.0, 1.0)
 
 
 def _coordinates(rows: NDArray[np.generic], transform: dict[str, Any]) -> NDArray[np.float32]:

@@ -30,12 +30,7 @@ from warpvis.webots.shapes._polygons import Points, Triangles, split_polygons, t
 Find = Callable[[str, Node], Path | None]
 """Finds the file of a node's URL; returns None if the file is not available."""
 
-# Defaults of omitted fields (docs/reference of Webots: material.md and pbrappearance.md).
-_DIFFUSE = (0.8, 0.8, 0.8)
-_SHININESS = 0.2
 _WRAPS: dict[bool, Wrap] = {True: "repeat", False: "clamp"}
-_EXPONENT = 128.0
-"""Specular exponent for a shininess of 1, as in OpenGL."""
 
 Corners = NDArray[np.float64]
 """Positions of the corners of triangles in the node's frame, z up [m], shape ``(m, 3, 3)``."""
@@ -176,12 +171,12 @@ def _classic(node: Node, texture: Texture | None) -> Material:
     plain = texture is None
     return Material(
         node.name or "",
-        (*(_color(node, "diffuseColor", _DIFFUSE) if plain else (1.0, 1.0, 1.0)), alpha),
+        (*(_color(node, "diffuseColor", (0.8, 0.8, 0.8)) if plain else (1.0, 1.0, 1.0)), alpha),
         "linear",
         texture,
         "blend" if alpha < 1 else "opaque",
         specular=_color(node, "specularColor", (0.0, 0.0, 0.0)) if plain else (0.0, 0.0, 0.0),
-        shininess=_EXPONENT * _unit(node.number("shininess", _SHININESS)) if plain else 0.0,
+        shininess=128 * _unit(node.number("shininess", 0.2)) if plain else 0.0,  # the exponent of OpenGL
         emission=_color(node, "emissiveColor", (0.0, 0.0, 0.0)),
     )
 

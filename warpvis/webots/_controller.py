@@ -180,7 +180,10 @@ class DepthEye:
         """
         node_pose = to_xyzw(node_pose, quaternion, "node_pose")
         if node_pose is None:
-            matrix = self._ask_node()
+            if self._node is None:
+                needed = "the DepthEye needs a node: DepthEye(range_finder, node=...)"
+                raise PoseError(f"node_pose must be given, or {needed}")
+            matrix = rigid_matrix(self._node.getOrientation(), self._node.getPosition())
         else:
             rows = poses_to_opencv(node_pose, name="node_pose")
             if len(rows) != 1:
@@ -263,11 +266,6 @@ class DepthEye:
                 raise ArrayError(f"the range image must be float32 values of 4 bytes, got {len(image)} bytes")
             return np.frombuffer(image, dtype=np.float32)
         return as_numpy(image, name="the range image").astype(np.float32).ravel()
-
-    def _ask_node(self) -> NDArray[np.float64]:
-        if self._node is None:
-            raise PoseError("node_pose must be given, or the DepthEye needs a node: DepthEye(range_finder, node=...)")
-        return rigid_matrix(self._node.getOrientation(), self._node.getPosition())
 
 
 def _node_of(robot: SupervisorRobot, device: RangeFinder) -> SupervisorNode:

@@ -60,7 +60,7 @@ class Version:
     @property
     def z_up(self) -> bool:
         """Whether geometry is upright along z and devices look along x (since R2022a) rather than along y and -z."""
-        return self >= _Z_UP
+        return self.year >= 2022
 
     @property
     def axes(self) -> Literal["ros_body", "opengl"]:
@@ -72,8 +72,6 @@ class Version:
             return f"R{self.year}{chr(ord('a') + self.number - 1)}"
         return f"V{self.year}.{self.number}" + (f".{self.patch}" if self.patch else "")
 
-
-_Z_UP = Version(2022, 1)
 
 _Literal = TypeVar("_Literal")
 _Replacement = TypeVar("_Replacement", bound=float | str | NDArray[np.float64])
@@ -228,12 +226,9 @@ def described(value: Value | float | str | bool) -> str:
 
 def correction(node: Node, field: str, original: ArrayLike, replacement: ArrayLike) -> str:
     """Return the note that a field's value was replaced, as in Webots."""
-    before, after = (_numbers_shown(value) for value in (original, replacement))
+    values = (np.ravel(value).tolist() for value in (original, replacement))
+    before, after = (" ".join(f"{item:g}" if isinstance(item, float | int) else item for item in row) for row in values)
     return f"{node.place}: {field} {before} of {node.type} is replaced by {after}"
-
-
-def _numbers_shown(value: ArrayLike) -> str:
-    return " ".join(f"{item:g}" if isinstance(item, float | int) else f"{item}" for item in np.ravel(value).tolist())
 
 
 def replaced(node: Node, field: str, original: ArrayLike, replacement: _Replacement, notes: list[str]) -> _Replacement:

@@ -190,9 +190,6 @@ class Reader:
             self.reasons.setdefault(node.type, str(error))
             return None
 
-    def _expand_file_or_joint(self, node: Node) -> Node | None:
-        return self._expand_file(node) or expand_joint(node)
-
     def _is_better_known(self, node: Node, body: Node) -> bool:
         """Return whether a built-in replacement is more complete than the file, whose meshes or PROTOs are missing.
 
@@ -202,7 +199,9 @@ class Reader:
         try:
             if self._strict or not (known or stand_in(node)):
                 return False
-            missing, shapes, eyes = missing_parts(body, self._expand_file_or_joint, self.find_mesh)
+            missing, shapes, eyes = missing_parts(
+                body, lambda part: self._expand_file(part) or expand_joint(part), self.find_mesh
+            )
         except FileFormatError:  # reported when the node is visited
             return False
         if not missing or (shapes and not known) or (eyes and node.type not in DEPTH_CAMERAS):

@@ -59,7 +59,6 @@ _COUNTS: dict[str, dict[str, tuple[int, float, int]]] = {
     "Cylinder": {"subdivision": (3, 1000, 3)},
     "ElevationGrid": dict.fromkeys(("xDimension", "yDimension", "zDimension"), (0, np.inf, 0)),
 }
-_INSIDE_OUT = Version(2019, 1)
 
 
 class MissingMeshError(FileFormatError):
@@ -130,11 +129,8 @@ _BOX_FACES = [
 
 
 def _box(node: Node) -> Triangles:
-    size = node.vector("size", (2, 2, 2))
-    # According to manuals until 2018, three negative sizes show the inside. Later sources accept positive sizes only.
-    inside = bool(node.version < Version(2019, 1) and (size < 0).all())
-    if not inside:
-        size = positives(node, "size", (2, 2, 2))
+    inside = _is_inside_out(node)
+    size = node.vector("size", (2, 2, 2)) if inside else positives(node, "size", (2, 2, 2))
     corners = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     faces = np.array(_BOX_FACES, dtype=np.int32)
     return corners * np.abs(size), faces[:, ::-1].copy() if inside else faces
@@ -316,7 +312,7 @@ def reset_fields(node: Node) -> tuple[Node, list[str]]:
 def _wrong_numbers(node: Node) -> Iterator[tuple[str, ArrayLike, tuple[float, ...]]]:
     for field, lengths in _LENGTHS.get(node.type, {}).items():
         values = node.vector(field, lengths)
-        if (values <= 0).any() and not _is_inside_out(node):
+        if (values <= 0).any() and not (node.type == "Box" and _is_inside_out(node)):
             yield field, values, lengths
     for field, (lower, upper, default) in (_COUNTS.get(node.type) or _sphere_counts(node)).items():
         if field in node.fields and not lower <= node.integer(field, default) <= upper:
@@ -324,8 +320,11 @@ def _wrong_numbers(node: Node) -> Iterator[tuple[str, ArrayLike, tuple[float, ..
 
 
 def _is_inside_out(node: Node) -> bool:
-    """Return whether a box shows its inside, by three negative sizes, according to manuals until 2018."""
-    return node.type == "Box" and node.version < _INSIDE_OUT and bool((node.vector("size", (2, 2, 2)) < 0).all())
+    """Return whether a box shows its inside, by three negative sizes, according to manuals until 2018.
+
+    Later sources accept positive sizes only.
+    """
+    return node.version < Version(2019, 1) and bool((node.vector("size", (2, 2, 2)) < 0).all())
 
 
 def _sphere_counts(node: Node) -> dict[str, tuple[int, float, int]]:
