@@ -280,7 +280,7 @@ def _load_3mf(path: Path, file: bytes) -> FileMeshes:
 def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text, notes = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
-    options = {"group_material": False, "skip_materials": True, **obj_splits(text)}
+    options: dict[str, Any] = {"group_material": False, "skip_materials": True, **obj_splits(text)}
     try:
         found = _load_by_trimesh(text, "obj", appearance_of=materials.appearance, **options)
     except Exception:  # trimesh's exceptions do not name the line
