@@ -9,7 +9,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urljoin
 
@@ -27,7 +27,7 @@ CACHED_SINCE = Version(2022, 2)
 class Found:
     """A file on this machine."""
 
-    path: Path  # its path
+    path: Path
     name: str  # name in messages and base of relative URLs: its path, or the URL of a copy in Webots' cache
 
 
@@ -42,10 +42,9 @@ class Places:
     cache, whose files are named by the SHA-1 of their URL (``WbNetwork.cpp``).
     """
 
-    world: Path  # the world's file
+    world: Path
     version: Version  # the world's version, which determines the release from which ``webots://`` files were downloaded
-    search_path: list[Path] = field(default_factory=list)
-    """Folders of PROTO files, possibly Webots' installation folder or its ``projects``."""
+    search_path: list[Path]  # folders of PROTO files, possibly Webots' installation folder or its ``projects``
     cache: Path | None = None  # folder of Webots' cache
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
@@ -53,9 +52,9 @@ class Places:
         url = with_slashes(url)
         if not is_web(url) and not is_web(file):
             places = self._in_project(url, Path(file), [Path(proto) for proto in protos if not is_web(proto)])
-            path = next(filter(is_file, places), None)
-            if path is not None:
-                return Found(path, str(path))
+            found = first_file(places)
+            if found is not None:
+                return found
         return self.find_in_tree(url, file) or self.find_in_cache(url, file)
 
     def find_in_tree(self, url: str, file: str) -> Found | None:
@@ -66,8 +65,7 @@ class Places:
         if tail is None:
             return None
         tails = (tail.lstrip("/"), tail.removeprefix("projects/").lstrip("/"))
-        path = next(filter(is_file, (root / part for root in self.search_path for part in tails)), None)
-        return None if path is None else Found(path, str(path))
+        return first_file(root / part for root in self.search_path for part in tails)
 
     def find_in_cache(self, url: str, file: str) -> Found | None:
         """Find a file that Webots downloaded from a URL, or from the address of a ``webots://`` URL in a release."""
@@ -116,6 +114,12 @@ def webots_cache() -> Path | None:
         return folder if folder.is_dir() else None
     except (OSError, RuntimeError):  # no home directory
         return None
+
+
+def first_file(paths: Iterable[Path]) -> Found | None:
+    """Return the first existing file; None if there is none."""
+    path = next(filter(is_file, paths), None)
+    return None if path is None else Found(path, str(path))
 
 
 def with_slashes(url: str) -> str:

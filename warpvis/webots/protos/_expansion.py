@@ -23,7 +23,7 @@ from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._grammar import Parser, World, read_text
 from warpvis.webots._nodes import BUILTIN_NODES, Node, Value, Version, described, fail
-from warpvis.webots._urls import Found, Places, is_file, is_web, with_slashes
+from warpvis.webots._urls import Found, Places, first_file, is_web, with_slashes
 from warpvis.webots.protos._template_engine import TemplateEngine
 from warpvis.webots.protos._templates import Language, ScriptValue, language_of, render
 
@@ -309,18 +309,16 @@ class Protos:
         named = map(with_slashes, self._urls.get(node.file, self._world.externprotos))
         urls = [url for url in named if PurePosixPath(url).name == name]
         local = [] if is_web(node.file) else [folder / url for url in urls if not is_web(url)] + [folder / name]
-        for url in urls:
-            found = self.places.find_in_tree(url, node.file)
-            if found is not None:
-                return found
+        found = next(filter(None, (self.places.find_in_tree(url, node.file) for url in urls)), None)
+        if found is not None:
+            return found
         if self._index is None:
             self._index = self._make_index()
         if name in self._index:
             local.append(self._index[name])
-        path = next(filter(is_file, local), None)
-        if path is not None:
-            return Found(path, str(path))
-        return next(filter(None, (self.places.find_in_cache(url, node.file) for url in urls)), None)
+        return first_file(local) or next(
+            filter(None, (self.places.find_in_cache(url, node.file) for url in urls)), None
+        )
 
     def _make_index(self) -> dict[str, Path]:
         world_folder = self._world.path.absolute().parent
