@@ -20,8 +20,7 @@ from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
     check_convention,
-    describe_wrong_length,
-    is_not_unit,
+    find_invalid_rows,
     poses_to_opencv,
     to_xyzw,
 )
@@ -214,10 +213,10 @@ def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
         )
     _check_size(array.astype(np.float64), "object_poses")
     rows = array.astype(np.float32)
-    bad = np.argwhere(is_not_unit(rows))
-    if len(bad):
-        objects = ", ".join(f"object {m} in world {w}" for w, m in bad[:3])
-        raise PoseError(f"object_poses {describe_wrong_length(rows[tuple(bad[0])])}: wrong in {len(bad)}, of {objects}")
+    problem, bad = find_invalid_rows(rows)
+    if problem:
+        objects = ", ".join(f"object {m} in world {w}" for w, m in np.argwhere(bad)[:3])
+        raise PoseError(f"object_poses {problem}: wrong in {bad.sum()}, of {objects}")
     return rows
 
 

@@ -30,18 +30,18 @@ _OPENCV_TO: dict[str, tuple[float, float, float, float]] = {
     "ros_optical": (0.0, 0.0, 0.0, 1.0),
 }
 
-# Maximum deviation of a rotation from orthonormality: matrices printed with four decimals pass, scaled ones do not.
-_ROTATION_TOLERANCE = 1e-3
-
-# Conservative limits of the squared length of quaternions in single precision.
-_MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
-
 # Shapes of a single pose, and a limit of coordinates that are finite in single precision.
 _ONE_ROW, _ONE_MATRIX = ((1, 7), (7,)), ((1, 4, 4), (4, 4))
 _MAX_COORDINATE = 1e30
 
-# Maximum deviation of the length of a quaternion from 1: quaternions printed with three decimals pass.
+# Maximum deviation of a rotation from orthonormality: matrices printed with four decimals pass, scaled ones do not.
+_ROTATION_TOLERANCE = 1e-3
+
 LENGTH_TOLERANCE = 1e-3
+"""Maximum deviation of the length of a quaternion from 1: quaternions printed with three decimals pass."""
+
+# Limits of the squared length in single precision, within which the length is certainly within its tolerance.
+_MIN_SQUARE, _MAX_SQUARE = 1 - 1.9 * LENGTH_TOLERANCE, 1 + 1.9 * LENGTH_TOLERANCE
 
 
 def parse_poses(
@@ -119,7 +119,7 @@ def host_poses(
             rows = _one_row(array)
         elif array.size == 16 and array.shape in _ONE_MATRIX:
             rows = _one_matrix(array)
-        elif array.dtype == np.float32 and array.ndim == 2 and array.shape[1] == 7 and _are_valid_rows(array):
+        elif array.dtype == np.float32 and array.ndim == 2 and array.shape[1] == 7 and are_valid_rows(array):
             rows = array
         if rows is not None and check_convention(convention) == axes:
             return rows
@@ -185,8 +185,8 @@ def _one_matrix(pose: NDArray) -> NDArray[np.float32] | None:
     return np.array([[x, y, z, *(part / length for part in q)]], dtype=np.float32)
 
 
-def _are_valid_rows(rows: NDArray[np.float32]) -> bool:
-    """Return whether all rows are definitely valid; `einsum` is fast and issues no warnings for NaN."""
+def are_valid_rows(rows: NDArray[np.float32]) -> bool:
+    """Return whether all rows, shape ``(n, 7)``, are definitely valid; `einsum` is fast and does not warn of NaN."""
     if not len(rows):
         return True
     quaternions = rows[:, 3:]
@@ -360,30 +360,29 @@ def quaternion_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArra
     )
 
 
-def is_not_unit(rows: np.ndarray) -> NDArray[np.bool_]:
-    """Return which rows ``x y z qx qy qz qw`` have a quaternion whose length is not 1, or NaN."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        length = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
-        return ~(np.abs(length - 1) <= LENGTH_TOLERANCE)
+def find_invalid_rows(rows: np.ndarray) -> tuple[str, NDArray[np.bool_]]:
+    """Return what is wrong with rows ``x y z qx qy qz qw``, shape ``(..., 7)``, and which are invalid, ``(...,)``."""
+    bad = ~np.isfinite(rows).all(axis=-1)
+    if bad.any():
+        return "must be finite", bad
+    lengths = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
+    bad = ~(np.abs(lengths - 1) <= LENGTH_TOLERANCE)
+    if not bad.any():
+        return "", bad
+    length, start = float(lengths[bad][0]), float(np.linalg.norm(rows[bad][0, :4].astype(np.float64)))
+    swapped = length > LENGTH_TOLERANCE and abs(start - 1) <= LENGTH_TOLERANCE
+    hint = ", although its first four numbers have length 1; rows are x y z qx qy qz qw, position first"
+    return f"must have quaternions of length 1, got {length:.6g}{hint if swapped else ''}", bad
 
 
-def describe_wrong_length(row: np.ndarray) -> str:
-    """Return the end of a message for a row that is `is_not_unit`, with a hint if the quaternion comes first."""
-    length = float(np.linalg.norm(row[3:].astype(np.float64)))
-    swapped = (
-        length > LENGTH_TOLERANCE and abs(float(np.linalg.norm(row[:4].astype(np.float64))) - 1) <= LENGTH_TOLERANCE
-    )
-    hint = (
-        ", although its first four numbers have length 1; rows are x y z qx qy qz qw, position first" if swapped else ""
-    )
-    return f"must have quaternions of length 1, got {length:.6g}{hint}"
+def is_orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which matrices, shape ``(..., 3, 3)``, are rotations or mirrors, without scale."""
+    return np.abs(matrices @ matrices.swapaxes(-1, -2) - np.eye(3)).max(axis=(-1, -2)) <= _ROTATION_TOLERANCE
 
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    _reject(name, ~np.isfinite(rows).all(axis=1), "must be finite")
-    bad = is_not_unit(rows)
-    if bad.any():
-        _reject(name, bad, describe_wrong_length(rows[bad.argmax()]))
+    problem, bad = find_invalid_rows(rows)
+    _reject(name, bad, problem)
     length = np.linalg.norm(rows[:, 3:], axis=1)
     return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 
@@ -392,8 +391,7 @@ def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.
     _reject(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite")
     _reject(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
     rotation = matrices[:, :3, :3]
-    error = np.abs(rotation @ rotation.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2))
-    _reject(name, error > _ROTATION_TOLERANCE, "must be rotations without scale")
+    _reject(name, ~is_orthonormal(rotation), "must be rotations without scale")
     _reject(name, np.linalg.det(rotation) < 0, "must be rotations, not mirrors")
     return np.concatenate([matrices[:, :3, 3], _quaternions(rotation)], axis=1)
 
@@ -413,8 +411,7 @@ def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _reject(name: str, bad: ArrayLike, requirement: str) -> None:
-    bad = np.asarray(bad)
+def _reject(name: str, bad: NDArray[np.bool_], requirement: str) -> None:
     if bad.any():
         indices = np.flatnonzero(bad)
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")

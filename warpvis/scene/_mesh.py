@@ -112,11 +112,7 @@ def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
 
 
 def check_mesh(mesh: MeshLike, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh given to `Scene.add`.
-
-    Raises:
-        SceneError: If the mesh is empty or malformed.
-    """
+    """Return the vertices [m], shape ``(n, 3)``, and faces, ``(m, 3)``, of a mesh given to `Scene.add`."""
     arrays = _members(mesh)
     if arrays is None:
         raise SceneError(
@@ -168,9 +164,6 @@ class MeshCache:
         """Return a mesh with scaled corners: the same one if the same mesh was added before.
 
         trimesh's arrays are compared by hash, other arrays by value.
-
-        Raises:
-            SceneError: If the mesh is empty or malformed.
         """
         arrays = _members(mesh)
         if arrays is None or not all(isinstance(array, np.ndarray) for array in arrays):

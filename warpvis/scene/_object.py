@@ -152,11 +152,7 @@ def detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bo
 
 
 def attach(name: str, placed: NDArray[np.floating], parent: SceneObject, *, is_solid: bool) -> NDArray[np.float32]:
-    """Return the vertices of an object in the frame of its parent, from those in the world.
-
-    Raises:
-        SceneError: If the object cannot be attached to the parent.
-    """
+    """Return the vertices of an object in the frame of its parent, from those in the world."""
     subject = f"{name!r} cannot be attached to {parent.name!r}"
     if parent.pose is None:
         fixed = "is static; add it with movable=True"
@@ -170,11 +166,7 @@ def attach(name: str, placed: NDArray[np.floating], parent: SceneObject, *, is_s
 
 
 def check_scale(scale: float | ArrayLike, name: str) -> NDArray[np.float64]:
-    """Check a scale factor, or three of them.
-
-    Raises:
-        SceneError: If they are not positive numbers.
-    """
+    """Check a scale factor, or three of them."""
     if isinstance(scale, float) and scale == 1.0:
         return _ONE
     try:
@@ -246,11 +238,7 @@ class ObjectList(Sequence[SceneObject]):
         return indices
 
     def index_of(self, name: str) -> int:
-        """Return the index of the object with the given name.
-
-        Raises:
-            SceneError: If there is no object with this name.
-        """
+        """Return the index of the object with the given name."""
         if not isinstance(name, str) or name not in self.names:
             raise SceneError(
                 f"the scene has no object {name!r}; it has {', '.join(map(repr, self.names)) or 'no objects'}"
@@ -258,11 +246,7 @@ class ObjectList(Sequence[SceneObject]):
         return self.names[name]
 
     def new_name(self, name: str | None) -> str:
-        """Return the name of a new object; by default the first free ``object_N``, N from the number of objects on.
-
-        Raises:
-            SceneError: If the name is taken.
-        """
+        """Return the name of a new object; by default the first free ``object_N``, N from the number of objects on."""
         if name is None:
             numbers = itertools.count(len(self._items))
             return next(free for free in map("object_{}".format, numbers) if free not in self.names)
@@ -271,11 +255,7 @@ class ObjectList(Sequence[SceneObject]):
         return str(name)
 
     def new_names(self, names: str | Sequence[str] | None, count: int) -> list[str]:
-        """Return names of new objects: given ones, or numbered ones from a prefix or the objects' indices.
-
-        Raises:
-            SceneError: If a name is taken, or the number of names differs from the number of objects.
-        """
+        """Return names of new objects: given ones, or numbered ones from a prefix or the objects' indices."""
         if names is None:
             chosen = [f"object_{index}" for index in range(len(self._items), len(self._items) + count)]
         elif isinstance(names, str):

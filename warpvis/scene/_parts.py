@@ -117,9 +117,6 @@ class FileParts:
             labels: Labels given by the user.
             movable: Whether parts that the file defines as movable are; or names and patterns of movable parts, each
                 moving independently.
-
-        Raises:
-            SceneError: If there are no parts, a pattern matches no part, or an argument does not apply to the file.
         """
         if not self.parts:
             left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)

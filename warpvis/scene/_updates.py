@@ -24,9 +24,6 @@ def as_deforming(item: SceneObject, device: wp.Device) -> SceneObject:
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
     """Convert an object's new vertices to vec3: host arrays are checked and stay on the host, others are on the device.
-
-    Raises:
-        SceneError: If they are malformed.
     """
     name, count = item.name, len(item.mesh.source)
     if on_gpu(vertices):
@@ -53,9 +50,6 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
         vertices: Corners [m], shape ``(n, 3)``.
         faces: Corner indices of the triangles, shape ``(m, 3)``; None for the object's present faces.
         device: The scene's device.
-
-    Raises:
-        SceneError: If the mesh is empty or malformed.
     """
     name, appearance = item.name, item.lazy_appearance
     new_faces = item.faces if faces is None else faces

@@ -72,9 +72,6 @@ def choose_appearance(
         name: Name of the object.
         counts: Numbers of vertices and faces.
         color_space: Color space of the mesh's materials; by default linear for a PBRMaterial, else sRGB.
-
-    Raises:
-        SceneError: If `appearance` is not an appearance, or does not fit the mesh.
     """
     if isinstance(appearance, LazyAppearance):
         return appearance

@@ -20,20 +20,13 @@ _MAX_CONTROLLERS = 10
 
 
 def frame_of(file: bytes) -> NDArray[np.float64]:
-    """Return the matrix from the axes and the unit of a COLLADA file to meters with y up, shape ``(3, 3)``.
-
-    Raises:
-        ValueError: If the unit is not a positive length.
-    """
+    """Return the matrix from the axes and the unit of a COLLADA file to meters with y up, shape ``(3, 3)``."""
     meters, axis = unit_and_axis(file)
     return meters * np.array(_AXES[axis], dtype=np.float64)
 
 
 def unit_and_axis(file: bytes) -> tuple[float, str]:
     """Read the unit of a COLLADA file [m], and the axis that points up: ``"X_UP"``, ``"Y_UP"`` or ``"Z_UP"``.
-
-    Raises:
-        ValueError: If the unit is not a positive length.
     """
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)

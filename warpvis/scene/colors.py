@@ -25,9 +25,6 @@ def check_color(
         lengths: Allowed numbers of components.
         maximum: Maximum of each component; infinity for any finite number.
         alternatives: Alternatives to a color, for messages.
-
-    Raises:
-        SceneError: If it is not such a color.
     """
     count = " or ".join(_COUNTS[length] for length in lengths)
     limit = "from 0 to 1" if maximum == 1 else "of at least 0"
@@ -45,11 +42,7 @@ def check_color(
 
 
 def check_vector(vector: ArrayLike, subject: str) -> tuple[float, float, float]:
-    """Return three finite numbers.
-
-    Raises:
-        SceneError: If they are not.
-    """
+    """Return three finite numbers."""
     message = f"{subject} must be three finite numbers, got {shown(vector)}"
     try:
         numbers = np.asarray(vector)

@@ -230,11 +230,7 @@ AppearanceLike = Appearance | Material | ArrayLike
 
 
 def as_appearance(value: AppearanceLike, name: str) -> Appearance:
-    """Convert the `appearance` argument of `Scene.add` to an `Appearance`.
-
-    Raises:
-        SceneError: If it is not an appearance, a material or a color.
-    """
+    """Convert the `appearance` argument of `Scene.add` to an `Appearance`."""
     if isinstance(value, Appearance):
         return value
     if isinstance(value, Material):

@@ -12,21 +12,17 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, surely_finite, take_rows
+from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, take_rows
 from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, instants_of, stacked
-from warpvis.core.poses import describe_wrong_length, is_not_unit
+from warpvis.core.poses import are_valid_rows, find_invalid_rows
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, PoseError
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene._scene import Scene
-
-
-# Squared norms of quaternions that are within the tolerance despite rounding in single precision.
-_MIN_SQUARE, _MAX_SQUARE = 0.9981, 1.0019
 
 
 def parse_worlds(
@@ -42,11 +38,6 @@ def parse_worlds(
     The result has no arrays if no object is movable and no argument is given.
 
     Data on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
-
-    Raises:
-        PoseError: If the object poses are malformed.
-        ArrayError: If `world_index`, `exclude` or `object_scales` is malformed.
-        SceneError: If `exclude` names an object that the scene does not have.
     """
     nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
     if nothing_said and not scene.movable:
@@ -90,11 +81,7 @@ def _still_world() -> Worlds:
 
 
 def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
-    """Return the poses of movable objects at each instant of a motion, shape ``(T, W, M)`` transform.
-
-    Raises:
-        PoseError: If the poses do not fit the scene's movable objects.
-    """
+    """Return the poses of movable objects at each instant of a motion, shape ``(T, W, M)`` transform."""
     parts = instants_of(motion)
     if isinstance(parts, np.ndarray):
         instants = len(parts)
@@ -192,19 +179,14 @@ def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.
 
 def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
     """Return the rows in single precision; kernels normalize them."""
-    rows = np.ascontiguousarray(rows, dtype=np.float32)
-    with np.errstate(invalid="ignore", over="ignore"):
-        x, y, z, w = (rows[..., k] for k in range(3, 7))
-        squared = x * x + y * y + z * z + w * w
-        low, high = np.minimum.reduce(squared, axis=None), np.maximum.reduce(squared, axis=None)
-        if surely_finite(rows) and low > _MIN_SQUARE and high < _MAX_SQUARE:
-            return rows
-        finite = np.isfinite(rows).all(axis=2)
-    for bad in (np.argwhere(~finite), np.argwhere(is_not_unit(rows))):
-        if len(bad):
-            problem = describe_wrong_length(rows[tuple(bad[0])]) if finite.all() else "must be finite"
-            names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in bad[:3]]
-            raise PoseError(f"object_poses {problem}: wrong in {len(bad)}, of {', '.join(names)}")
+    with np.errstate(over="ignore"):
+        rows = np.ascontiguousarray(rows, dtype=np.float32)
+    if are_valid_rows(rows.reshape(-1, 7)):
+        return rows
+    problem, bad = find_invalid_rows(rows)
+    if problem:
+        names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in np.argwhere(bad)[:3]]
+        raise PoseError(f"object_poses {problem}: wrong in {bad.sum()}, of {', '.join(names)}")
     return rows
 
 

@@ -108,10 +108,6 @@ def build_bvh(
         max_levels: Maximum number of node levels. Where the heuristic would exceed it, ranges are split into halves of
             equal count. No limit by default.
         threads: CPU threads, all cores by default. The tree does not depend on it.
-
-    Raises:
-        ArrayError: If `lanes` is not 16 or 32.
-        SceneError: If a tree of `max_levels` levels cannot hold the triangles.
     """
     from warpvis.kernels.bvh import build
 

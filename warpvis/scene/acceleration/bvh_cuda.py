@@ -69,9 +69,6 @@ def build_device_bvh(
         closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
         device: The device.
         max_levels: Maximum number of node levels, at least 8.
-
-    Raises:
-        SceneError: If there are more triangles than a tree holds.
     """
     check_size(len(faces), CUDA_LANES, max_levels)
 

@@ -31,9 +31,6 @@ def join_trees(
         closed: For each tree, which of its owners are closed: these are stored as their bitwise complement.
         device: Device of the arrays.
         share: Whether a single tree's arrays may be used and changed without a copy.
-
-    Raises:
-        SceneError: If there are more leaves than the kernels can index.
     """
     check_leaves(sum(tree.leaf_count for tree in trees), trees[0].lanes)
     if not all(tree.leaves.device.is_cpu for tree in trees):

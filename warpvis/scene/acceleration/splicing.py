@@ -38,9 +38,6 @@ def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, old_cou
         tree: The object's new tree, on any device.
         closed: Whether its back faces can be culled when it is seen from outside.
         old_count: Number of triangles it had before.
-
-    Raises:
-        SceneError: If all trees together exceed what the kernels can index.
     """
     old, lanes = built.struct, tree.lanes
     struct = _copied(old)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_choice, is_whole, truncate
 from warpvis.core.json_files import read_json
+from warpvis.core.poses import is_orthonormal
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors.lidars._plain import directions_at
@@ -224,8 +225,7 @@ def _read_lidar_to_sensor(lidar: dict[str, Json], path: os.PathLike[str]) -> NDA
     if value is None:
         return _default_lidar_to_sensor()
     transform = _floats(value, (4, 4), "lidar_to_sensor_transform", path)
-    rotation = transform[:3, :3]
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-3:
+    if not is_orthonormal(transform[:3, :3]):
         raise FileFormatError(f"{path}: lidar_to_sensor_transform must be a rotation and a translation")
     transform[:3, 3] /= 1000
     return transform
