@@ -411,8 +411,8 @@ def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _reject(name: str, bad: NDArray[np.bool_], requirement: str) -> None:
-    if bad.any():
-        indices = np.flatnonzero(bad)
+def _reject(name: str, bad: ArrayLike, requirement: str) -> None:
+    indices = np.flatnonzero(bad)
+    if len(indices):
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")
-        raise PoseError(f"{name} {requirement}: wrong in {len(indices)} of {len(bad)}, at index {first}")
+        raise PoseError(f"{name} {requirement}: wrong in {len(indices)} of {np.size(bad)}, at index {first}")

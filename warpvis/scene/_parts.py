@@ -18,7 +18,6 @@ from warpvis.core.checks import as_items, truncate
 from warpvis.core.label_rules import LabelPatterns, LabelRules
 from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
-from warpvis.core.types import MeshLike, PoseLike
 from warpvis.errors import SceneError
 from warpvis.scene._mesh import placed_at
 from warpvis.scene._object import check_scale
@@ -33,6 +32,8 @@ _LONGEST_LIST = 500
 Axis = Literal["z", "y"]
 """A vertical axis."""
 
+_Shape = tuple[NDArray[np.float64], NDArray[np.integer]] | Solid
+
 # Rotates y-up geometry upright in a z-up world: (x, y, z) to (x, -z, y).
 Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
@@ -43,7 +44,7 @@ class Part:
 
     name: str
     """Unique name in the file."""
-    mesh: tuple[NDArray[np.float64], NDArray[np.integer]] | Solid
+    mesh: _Shape
     """Vertices, shape ``(n, 3)``, and corner indices, shape ``(m, 3)``; or a round solid."""
     label: int | str = Label.OBSTACLE
     """Default label of its pixels: a number, or a name that the scene must know."""
@@ -107,8 +108,8 @@ class FileParts:
         scale: float = 1.0,
         labels: LabelPatterns,
         movable: bool | Sequence[str] = False,
-    ) -> list[dict[str, Any]]:
-        """Return the arguments of `Scene.add` for each part.
+    ) -> list[Part]:
+        """Return the parts as a scene has them, up to `scale`: labeled, rotated upright, and movable as specified.
 
         Args:
             scene_up: The scene's vertical axis, to which geometry is rotated.
@@ -135,7 +136,7 @@ class FileParts:
         for part, pose in zip(parts, poses, strict=True):
             label = labels.label(part.name, part.label, part.aliases)
             mesh = part.mesh if pose is not None else _rotated_mesh(part, upright)
-            objects.append({**part.arguments(), "mesh": mesh, "pose": pose, "label": label, "scale": scale})
+            objects.append(replace(part, mesh=mesh, pose=pose, label=label))
         labels.require_used((part.name for part in self.parts), self.path)
         return objects
 
@@ -189,7 +190,7 @@ def _without_pose(part: Part) -> Part:
     return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None)
 
 
-def _rotated_mesh(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
+def _rotated_mesh(part: Part, upright: NDArray[np.float64] | None) -> _Shape:
     """Return the mesh of a part without a pose, rotated upright."""
     if upright is None or isinstance(part.mesh, Solid):
         return part.mesh
@@ -197,7 +198,9 @@ def _rotated_mesh(part: Part, upright: NDArray[np.float64] | None) -> MeshLike:
     return np.asarray(vertices) @ upright[:3, :3].T, faces
 
 
-def _rotated_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float) -> list[PoseLike | None]:
+def _rotated_poses(
+    parts: Sequence[Part], upright: NDArray[np.float64] | None, factor: float
+) -> list[NDArray[np.float64] | None]:
     """Return the parts' poses in meters, rotated upright; None for meshes without a pose."""
     if upright is None and factor == 1:
         return [part.pose for part in parts]
@@ -214,21 +217,14 @@ def _rotated_poses(parts: Sequence[Part], upright: NDArray[np.float64] | None, f
     return [next(rotated) if has_pose else None for has_pose in posed]
 
 
-def merge_instances(objects: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Merge consecutive arguments of `Scene.add` that differ only in name and pose to one of `Scene.add_instances`."""
-    for _, run in itertools.groupby(objects, key=_instance_key):
-        first, *remaining = run
-        if remaining:
-            names, poses = ([item[key] for item in (first, *remaining)] for key in ("name", "pose"))
-            same = {name: first[name] for name in ("mesh", "label", "scale", "movable", "appearance")}
-            yield {**same, "names": names, "poses": np.stack(poses)}
-        else:
-            yield first
+def instance_runs(parts: Iterable[Part]) -> Iterator[list[Part]]:
+    """Group consecutive parts that differ only in name and pose."""
+    return (list(run) for _, run in itertools.groupby(parts, key=_instance_key))
 
 
-def _instance_key(item: dict[str, Any]) -> object:
-    """Return a key that is equal for arguments of `Scene.add` that can be merged."""
-    mesh = item["mesh"]
-    if isinstance(mesh, Solid) or item["pose"] is None or item["attach_to"] is not None:
-        return id(item)
-    return id(mesh[0]), id(mesh[1]), np.shape(item["pose"]), item["label"], item["movable"], id(item["appearance"])
+def _instance_key(part: Part) -> object:
+    """Return a key that is equal for parts that can be instances of one mesh."""
+    if isinstance(part.mesh, Solid) or part.pose is None or part.attach_to is not None:
+        return id(part)
+    vertices, faces = part.mesh
+    return id(vertices), id(faces), np.shape(part.pose), part.label, part.movable, id(part.appearance)

@@ -25,7 +25,7 @@ from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._bounds import bounds_of
 from warpvis.scene._mesh import Mesh, MeshCache
 from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, check_scale, detach, take_snapshot
-from warpvis.scene._parts import merge_instances
+from warpvis.scene._parts import instance_runs
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees
 from warpvis.scene.acceleration.traversal_plan import instance_indices, plan_traversal
@@ -286,12 +286,19 @@ class Scene:
             SceneError: If an option does not apply to the file.
         """
         self.use_labels(found.classes.followed_by(rules))
-        objects = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
-        lights, background = found.environment(self.up, options.get("file_up"), options.get("scale", 1.0))
+        parts = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
+        scale = options.get("scale", 1.0)
+        lights, background = found.environment(self.up, options.get("file_up"), scale)
         self.lights, self.background = (*self.lights, *lights), background or self.background
-        for arguments in merge_instances(objects):
+        for run in instance_runs(parts):
+            arguments = {**run[0].arguments(), "scale": scale}
             try:
-                (self.add_instances if "poses" in arguments else self.add)(**arguments)
+                if len(run) == 1:
+                    self.add(**arguments)
+                    continue
+                shared = {name: arguments[name] for name in ("mesh", "label", "scale", "movable", "appearance")}
+                poses = np.stack([part.pose for part in run if part.pose is not None])
+                self.add_instances(poses=poses, names=[part.name for part in run], **shared)
             except WarpvisError as error:
                 raise FileFormatError(f"{found.path}: {describe_exception(error)}") from None
 

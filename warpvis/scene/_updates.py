@@ -23,8 +23,7 @@ def as_deforming(item: SceneObject, device: wp.Device) -> SceneObject:
 
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
-    """Convert an object's new vertices to vec3: host arrays are checked and stay on the host, others are on the device.
-    """
+    """Convert new vertices of an object to vec3, on the host or on the device; host arrays are checked."""
     name, count = item.name, len(item.mesh.source)
     if on_gpu(vertices):
         result = _on_device(vertices, wp.vec3, "n", f"vertices of {name!r}", device)

@@ -26,8 +26,7 @@ def frame_of(file: bytes) -> NDArray[np.float64]:
 
 
 def unit_and_axis(file: bytes) -> tuple[float, str]:
-    """Read the unit of a COLLADA file [m], and the axis that points up: ``"X_UP"``, ``"Y_UP"`` or ``"Z_UP"``.
-    """
+    """Read the unit of a COLLADA file [m], and the axis that points up: ``"X_UP"``, ``"Y_UP"`` or ``"Z_UP"``."""
     head = file.partition(b"</asset>")[0]
     unit = re.search(rb"""<unit\b[^>]*\bmeter\s*=\s*["']([^"']*)["']""", head)
     axis = re.search(rb"<up_axis>\s*(\w+)\s*</up_axis>", head)
