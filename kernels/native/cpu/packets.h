@@ -26,6 +26,21 @@ struct Traversal {
 };
 static_assert(alignof(Frame) <= Arena::ALIGNMENT, "pieces of an arena are aligned to ALIGNMENT only");
 
+// Do units of work of images by `unit(number, mode)`, of which there is one instantiation for each mode: those without
+// triangles, or without objects, are faster.
+template <class Unit>
+static inline void run_units(const Images& out, bool of_points, int units, int* counter, Unit unit) {
+    const auto work = [&](Mode mode) __attribute__((always_inline)) {
+        Workers::run(counter, units, [&](int next) __attribute__((always_inline)) { unit(next, mode); });
+    };
+    if (out.of_triangles())
+        work(MODE_TRIANGLES);
+    else if (out.segmentation || out.labels || of_points)
+        work(MODE_OBJECTS);
+    else
+        work(MODE_DEPTH);
+}
+
 // A worker's memory for strips of a job. The layout does not depend on the height of a strip, so that a z-buffer that
 // one strip leaves cleared is clear for the next.
 struct StripMemory {
@@ -184,23 +199,12 @@ struct Packets {
         return camera;
     }
 
-    static inline void work(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
-                            int* counter, Mode mode) {
-        const int units = job.views * job.strips;
-        for (int next; (next = Workers::take(counter)) < units;) unit(scene, job, out, memory, next, mode);
-    }
-
-    // Take units of work, strips of views, until none remain; other threads take from the same counter.
+    // Do units of work: strips of views.
     static inline void run(const Scene& scene, const Job& job, const Images& out, const StripMemory& memory,
                            int* counter) {
-        // One instantiation for each mode: those without triangles, or without objects, are faster.
-        if (out.of_triangles())
-            work(scene, job, out, memory, counter, MODE_TRIANGLES);
-        else if (out.segmentation || out.labels || job.points)
-            work(scene, job, out, memory, counter, MODE_OBJECTS);
-        else
-            work(scene, job, out, memory, counter, MODE_DEPTH);
-        Workers::finish(counter);
+        run_units(out, job.points, job.views * job.strips, counter,
+                  [&](int next, Mode mode)
+                      __attribute__((always_inline)) { unit(scene, job, out, memory, next, mode); });
     }
 };
 

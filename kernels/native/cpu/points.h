@@ -187,7 +187,7 @@ struct PointPackets {
         }
     }
 
-    // Take units of work as `Packets::run` does. If the next one would have to wait long, return: the counter then
+    // Take units of work as `Workers::run` does. If the next one would have to wait long, return: the counter then
     // shows that work remains, and the caller sleeps before it calls again.
     inline void run(int* counter) const {
         int next = __atomic_load_n(counter + COUNTER_NEXT_UNIT, __ATOMIC_RELAXED);

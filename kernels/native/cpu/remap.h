@@ -90,22 +90,12 @@ struct RemapPackets {
         }
     }
 
-    static inline void work(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
-                            int* counter, Mode mode) {
-        const int units = remap.views * remap.trees();
-        for (int next; (next = Workers::take(counter)) < units;) unit(scene, remap, out, memory, next, mode);
-    }
-
-    // Take units of work, parts of views, until none remain, as `Packets::run` does.
+    // Do units of work: parts of views.
     static inline void run(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
                            int* counter) {
-        if (out.of_triangles())
-            work(scene, remap, out, memory, counter, MODE_TRIANGLES);
-        else if (out.segmentation || out.labels)
-            work(scene, remap, out, memory, counter, MODE_OBJECTS);
-        else
-            work(scene, remap, out, memory, counter, MODE_DEPTH);
-        Workers::finish(counter);
+        run_units(out, false, remap.views * remap.trees(), counter,
+                  [&](int next, Mode mode)
+                      __attribute__((always_inline)) { unit(scene, remap, out, memory, next, mode); });
     }
 };
 

@@ -322,11 +322,9 @@ struct Silhouettes {
         }
     }
 
-    // Take units of work, one object in one view each, until none remain.
+    // Do units of work: one object in one view each.
     inline void run(int* counter) const {
-        const int units = job.views * request.count;
-        for (int next; (next = Workers::take(counter)) < units;) unit(next);
-        Workers::finish(counter);
+        Workers::run(counter, job.views * request.count, [&](int next) { unit(next); });
     }
 };
 

@@ -18,6 +18,13 @@ struct Workers {
         return __atomic_fetch_add(counter + COUNTER_NEXT_UNIT, 1, __ATOMIC_RELAXED);
     }
 
+    // Take units of work until none remain, and do each by `unit(number)`; other threads take from the same counter.
+    template <class Unit>
+    static inline __attribute__((always_inline)) void run(int* counter, int units, Unit unit) {
+        for (int next; (next = take(counter)) < units;) unit(next);
+        finish(counter);
+    }
+
     // Take a unit if it is still the next one; otherwise, set `unit` to the next one and return false.
     static inline bool take_this(int* counter, int& unit) {
         return __atomic_compare_exchange_n(counter + COUNTER_NEXT_UNIT, &unit, unit + 1, false, __ATOMIC_RELAXED,
