@@ -11,7 +11,7 @@ _FOLDER = Path(__file__).parent / "native"
 _INCLUDE = re.compile(r'#include "(.+)"')
 
 
-def include_native(*names: str) -> wp.ModuleBuildOptions:
+def include_native(*names: str, cuda: bool = False, constants: str = "") -> wp.ModuleBuildOptions:
     """Return build options of a module (experimental in Warp 1.17) whose native functions call C++ of headers.
 
     The headers are in namespace ``warpvis`` of the module's source, which contains their text: what Warp compiles and
@@ -20,10 +20,13 @@ def include_native(*names: str) -> wp.ModuleBuildOptions:
 
     Args:
         names: Headers, relative to ``kernels/native``; the headers that they include follow.
+        cuda: Whether the functions are compiled for CUDA instead of the CPU.
+        constants: C++ that defines constants before the headers.
     """
-    return wp.ModuleBuildOptions(
-        extra_cpu_preamble=f"namespace warpvis {{ namespace {{\n{_expand(names, set())}}} }}\n"
-    )
+    text = f"namespace warpvis {{ namespace {{\n{constants}{_expand(names, set())}}} }}\n"
+    if cuda:
+        return wp.ModuleBuildOptions(extra_cuda_preamble=text)
+    return wp.ModuleBuildOptions(extra_cpu_preamble=text)
 
 
 def _expand(names: tuple[str, ...], seen: set[str]) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -44,7 +45,7 @@ _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
 MAX_PROGRAMS = 160
 """Maximum number of cached programs: about 40 variants of the current sources and of a few earlier versions."""
 
-_SHARED = "__shared__ WarpMemory memory;"
+_SHARED = "__shared__ warpvis::WarpMemory memory;"
 _ABSENT, _GIVEN, _IMAGE = range(3)
 
 
@@ -117,11 +118,11 @@ class Emulator:
 
     def _compile(self, variant: Variant) -> tuple[Path, dict[str, Any]]:
         """Return a variant's program, from the cache if possible, and the types of its arguments."""
-        function = _native_function(variant)
+        function, body, headers = _native_code(variant)
         types = {name: kind for name, kind in function.input_types.items() if name not in _PLACE}
         sources = {path.name: path.read_text() for path in sorted(NATIVE.glob("cuda_*"))}
         sources["cuda_launch.h"] = _launch_header(types)
-        sources[f"{variant.name}.cpp"] = _variant_source(variant, function)
+        sources[f"{variant.name}.cpp"] = _variant_source(variant, function, body, headers)
         built = _build(sources, self._compiler)
         notes = built / f"{variant.name}.gcno"
         (self._folder / notes.name).symlink_to(notes)
@@ -282,26 +283,26 @@ class EmulatedPointCaster(RaysCaster):
 # Equivalent of `find_objects` of warpvis.rendering: all lanes find objects, then one lane sorts them.
 _FIND_AND_SORT = """
 if (packet_y == 0 && packet_x == 0) {
-    if (Warp::lane() == 0) found.counts.data[2 * view] = found.counts.data[2 * view + 1] = 0;
-    Warp::sync();
-    for (int first = 0; first < scene.drawn_count; first += LANES) {
-        const int object = first + Warp::lane();
-        [&] { FIND }();
+    if (warpvis::Warp::lane() == 0) found.counts.data[2 * view] = found.counts.data[2 * view + 1] = 0;
+    warpvis::Warp::sync();
+    for (int first = 0; first < scene.drawn_count; first += warpvis::LANES) {
+        const int object = first + warpvis::Warp::lane();
+        FIND
     }
-    Warp::sync();
-    if (Warp::lane() == 0) {
+    warpvis::Warp::sync();
+    if (warpvis::Warp::lane() == 0) {
         const int tiles = found.tiles_y * found.tiles_x;
         int* count = found.tile_counts.data + view * tiles;
         int* end = found.tile_ends.data + view * tiles;
         for (int tile = 0, all = view ? end[-1] : 0; tile < tiles; ++tile) end[tile] = all += count[tile];
         for (int i = 0; i < found.counts.data[2 * view]; ++i) {
             const int* entry = (const int*)(found.entries.data + view * scene.drawn_count + i);
-            for (int y = (entry[2] & 0xffff) >> TILE_BITS; y <= entry[2] >> (16 + TILE_BITS); ++y)
-                for (int x = (entry[1] & 0xffff) >> TILE_BITS; x <= entry[1] >> (16 + TILE_BITS); ++x)
+            for (int y = (entry[2] & 0xffff) >> warpvis::TILE_BITS; y <= entry[2] >> (16 + warpvis::TILE_BITS); ++y)
+                for (int x = (entry[1] & 0xffff) >> warpvis::TILE_BITS; x <= entry[1] >> (16 + warpvis::TILE_BITS); ++x)
                     found.order.data[end[y * found.tiles_x + x] - count[y * found.tiles_x + x]--] = i;
         }
     }
-    Warp::sync();
+    warpvis::Warp::sync();
 }
 """
 
@@ -323,37 +324,30 @@ _FORMATS = {"int": "i", "float": "f", "double": "d", "bool": "?"}
 _ELEMENTS = {wp.vec2: "Vec2", wp.vec3: "Vec3", wp.vec4: "Vec4", wp.vec4i: "Vec4", wp.transform: "Transform", **_SCALARS}
 
 
-def _native_function(variant: Variant) -> Any:
-    """Return the function called by the kernel; `#line` directives in its source name the original files."""
-    plain, cast, cached = packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS
-
-    def read_marked(*names: str) -> str:
-        return "\n".join(f'#line 1 "{HEADERS / name}"\n{plain(name)}' for name in names)
-
-    packets_cuda.read_native = ray_bundle_packets_cuda.read_native = point_packets_cuda.read_native = read_marked
+def _native_code(variant: Variant) -> tuple[wp.Function, str, str]:
+    """Return the function called by the kernel, its body, and the C++ in front of it, with the paths of headers."""
+    kind = variant.with_id, variant.movable
+    cached = packets_cuda.CACHED_NUMBERS
+    packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
     try:
         if variant.ray_table:
-            return ray_bundle_packets_cuda.make_ray_packet_function(
-                variant.side,
-                variant.with_id,
-                variant.movable,
-                variant.resized,
-                variant.points,
-                variant.origins,
+            function = ray_bundle_packets_cuda.cast_ray_packet
+            kernel = ray_bundle_packets_cuda.make_ray_packet_kernel(
+                variant.side, *kind, variant.resized, variant.points, variant.origins
             )
-        if variant.points:
-            return point_packets_cuda.make_point_packet_function(
-                variant.points, variant.with_id, variant.movable, variant.clip, variant.resized
-            )
-        kind = variant.side, variant.with_id, variant.movable, variant.clip, variant.resized
-        packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
-        if variant.found:
-            find = _FIND_AND_SORT.replace("FIND", packets_cuda.FIND_OBJECT)
-            packets_cuda.CAST = find + cast
-        return packets_cuda.make_packet_function(*kind)
+        elif variant.points:
+            function = point_packets_cuda.cast_point_packet
+            kernel = point_packets_cuda.make_point_packet_kernel(variant.points, *kind, variant.clip, variant.resized)
+        else:
+            function = packets_cuda.cast_packet
+            kernel = packets_cuda.make_packet_kernel(variant.side, *kind, variant.clip, variant.resized)
     finally:
-        packets_cuda.read_native, packets_cuda.CAST, packets_cuda.CACHED_NUMBERS = plain, cast, cached
-        ray_bundle_packets_cuda.read_native = point_packets_cuda.read_native = plain
+        packets_cuda.CACHED_NUMBERS = cached
+    body = function.native_snippet
+    if variant.found:
+        body = _FIND_AND_SORT.replace("FIND", packets_cuda.FIND_OBJECT) + body
+    preamble = kernel.module.options["extra_build_options"].extra_cuda_preamble
+    return function, body, re.sub(r'^#line (\d+) "', rf'#line \1 "{HEADERS}/', preamble, flags=re.MULTILINE)
 
 
 def _is_array(kind: Any) -> bool:
@@ -390,14 +384,14 @@ def _launch_header(arguments: dict[str, Any]) -> str:
     return "".join(text)
 
 
-def _variant_source(variant: Variant, function: Any) -> str:
+def _variant_source(variant: Variant, function: Any, body: str, headers: str) -> str:
     parameters = ", ".join(f"{_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
     given = ", ".join(_PLACE.get(name, f"all.{name}") for name in function.input_types)
-    assert function.native_snippet.count(_SHARED) == 1
-    borrowed = "WarpMemory& memory = *(WarpMemory*)emulator::shared_memory(sizeof(WarpMemory));"
-    body = function.native_snippet.replace(_SHARED, borrowed)
+    assert body.count(_SHARED) == 1
+    borrowed = "auto& memory = *(warpvis::WarpMemory*)emulator::shared_memory(sizeof(warpvis::WarpMemory));"
+    body = body.replace(_SHARED, borrowed)
     return (
-        f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n'
+        f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n{headers}#line 1 "{variant.name}.cpp"\n'
         f"static void cast_packet({parameters}) {{\n{body}}}\n"
         "void packet_function(void* arguments, int view, int packet_y, int packet_x) {\n    (void)packet_x;\n"
         f"    const Arguments& all = *(const Arguments*)arguments;\n    cast_packet({given});\n}}\n"

@@ -13,7 +13,9 @@ import pytest
 _COMPILE = """
 import sys, importlib, warp as wp
 for name, folder in zip(sys.argv[1::2], sys.argv[2::2]):
-    module = importlib.import_module(name)
+    place, _, call = name.partition(":")
+    module = importlib.import_module(place)
+    module = eval(call, vars(module)).module if call else module
     wp.compile_aot_module(module, device=None, arch=90, module_dir=folder, use_ptx=True, strip_hash=True)
     print("compiled", name)
 """
@@ -22,6 +24,8 @@ _SIMPLE = "warpvis.kernels.casting.images"
 
 def gpu_code(module: str, folder: Path) -> str:
     """Return the PTX of a module, compiled in a subprocess: compiling it here would make it another module.
+
+    A call after a colon, as in ``module:make_kernel(16)``, makes a kernel, whose module is compiled instead.
 
     Skip the test if NVRTC cannot compile a simple module.
     """

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import warp as wp
+from gpu_code import gpu_code
 
 from warpvis.kernels import native_source
 from warpvis.kernels.native_source import include_native
@@ -83,3 +84,18 @@ def test_lines_are_numbered_as_in_the_header():
     lines = (native_source._FOLDER / "cpu" / "movables.h").read_text(encoding="utf-8").splitlines()
     assert rest.splitlines()[:-1] == lines[int(number) - 1 :]
     assert int(number) < 20
+
+
+@pytest.mark.parametrize(
+    "kernel",
+    [
+        "packets_cuda:make_packet_kernel(16, True, True, True, True)",
+        "packets_cuda:make_find_kernel(True)",
+        "point_packets_cuda:make_point_packet_kernel(256, True, False, True)",
+        "ray_bundle_packets_cuda:make_ray_packet_kernel(32, False, False)",
+        "ray_bundle_packets_cuda:make_ray_packet_kernel(32, True, True, False, 1024, True)",
+    ],
+)
+def test_variants_of_packets_compile_for_gpus(kernel, tmp_path):
+    code = gpu_code(f"warpvis.kernels.casting.{kernel}", tmp_path)
+    assert ".entry" in code

@@ -23,12 +23,6 @@ class Images:
 
 NAMES = ("depth", "points", "normals", "labels", "segmentation", "faces")
 
-NATIVE_IMAGES = """
-const Images out = {images.depth.data, (float*)images.points.data, (float*)images.normals.data, images.labels.data,
-                    images.segmentation.data, images.faces.data, scene.object_label.data, scene.slot_face.data};
-"""
-"""C++ that defines the `Images` of ``native/shared/images.h`` from `Images` ``images`` and a scene ``scene``."""
-
 
 @wp.kernel
 def fill_depth(

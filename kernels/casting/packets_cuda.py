@@ -8,11 +8,11 @@ whether objects move or are resized, and by whether the near plane clips.
 
 import warp as wp
 
-from warpvis.kernels.casting.images import NATIVE_IMAGES, Images
+from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -28,20 +28,6 @@ TILE_BITS = 5
 
 MAX_TILES = 4
 """Maximum number of tiles of an object that is sorted by tiles."""
-
-_SHARED_HEADERS = ("shared/constants.h", "shared/images.h", "shared/stretch.h", "shared/pose.h", "shared/edges.h")
-
-_HEADERS = (
-    "cuda/pixels.h",
-    "cuda/uncertain_pixels.h",
-    "cuda/raster.h",
-    "cuda/visits.h",
-    "cuda/walk.h",
-    "cuda/solids.h",
-    "cuda/objects.h",
-    "cuda/output.h",
-    "cuda/packets.h",
-)
 
 
 @wp.struct
@@ -62,105 +48,56 @@ class FoundObjects:
     tiles_x: int
 
 
-CHECKS = """
-static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
-                  sizeof(*worlds.object_sizes.data) == SOLID_WORDS * sizeof(float),
-              "poses and sizes are read as rows of numbers");
+CAST = """
+__shared__ warpvis::WarpMemory memory;
+view = warpvis::Warp::uniform(view);
+warpvis::Packets::cast(warpvis::Scene::of(scene, worlds, found, view),
+                       warpvis::View::of(camera, poses, view, cull_backfaces), warpvis::Images::of(images, scene),
+                       packet_x, packet_y, memory);
 """
 
-WORLD = """
-const unsigned char* excluded = nullptr;
-const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
-if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
-const int world_count = worlds.object_poses.shape[0];
-const int world = worlds.world.data ? worlds.world.data[view] : world_count == 1 ? 0 : view;
-const float *object_poses = nullptr, *object_sizes = nullptr;
-if (world >= 0 && world < world_count) {
-    const long long first = (long long)world * scene.movable_count;
-    object_poses = (const float*)worlds.object_poses.data + first * POSE_WORDS;
-    if (RESIZED) object_sizes = (const float*)worlds.object_sizes.data + first * SOLID_WORDS;
-}
-// Without movable objects there is one world.
-if (scene.movable_count == 0) object_poses = (const float*)scene.instance_pose.data;
-const Scene all = {
-    {scene.leaves.data, scene.owners.data, scene.nodes.data, scene.children.data, scene.static_root, 0,
-     scene.all_closed != 0, scene.leaves.shape[0] > CACHED_NUMBERS, excluded},
-    {scene.closed_boxes.data, scene.closed_object.data, scene.closed_count},
-    {MOVABLE ? scene.drawn_count : 0, scene.movable_count, scene.movable_object.data, scene.movable_root.data,
-     scene.movable_leaf.data, scene.movable_first_id.data, scene.movable_closed.data, scene.movable_boxes.data,
-     scene.movable_solid.data, (const float*)scene.movable_size.data, (const float*)scene.instance_pose.data,
-     object_poses, object_sizes, excluded},
-    {found.entries.data ? (FoundObjects::Entry*)(found.entries.data + (long long)view * scene.drawn_count) : nullptr,
-     found.counts.data + 2 * view, found.tile_counts.data, found.tile_ends.data, found.order.data, found.tiles_x,
-     view * found.tiles_y * found.tiles_x}};
-"""
-"""C++ that defines the `Scene` of a view from a kernel's scene, worlds and found objects."""
-
-VIEW = """
-const View shape = {view, (int)camera.width, (int)camera.height, {camera.fx, camera.fy}, {camera.cx, camera.cy},
-                    camera.near, camera.far, camera.clip_inv_z, camera.clip_reach,
-                    (const float*)(poses.data + view), cull_backfaces};
-"""
-
-CAST = f"""
-{NATIVE_IMAGES}
-{CHECKS}
-__shared__ WarpMemory memory;
-view = Warp::uniform(view);
-{WORLD}
-{VIEW}
-Packets::cast(all, shape, out, packet_x, packet_y, memory);
-"""
-
-FIND_OBJECT = f"""
-const bool cull_backfaces = false;
-{WORLD}
-{VIEW}
-if (!object_poses) return;
-const bool is_object = object < scene.drawn_count;
-ObjectPass::find(Packets::camera_of(shape), all.movables, all.found, is_object ? object : scene.drawn_count - 1,
-                 is_object);
+FIND_OBJECT = """
+warpvis::Packets::find(warpvis::Scene::of(scene, worlds, found, view), warpvis::View::of(camera, poses, view, false),
+                       object);
 """
 
 
-def headers(
+def native_options(
+    header: str,
     side: int,
     with_id: bool,
     movable: bool,
-    clip: bool,
     resized: bool,
     *,
+    clip: bool = False,
     ray_table: bool = False,
     points: int = 0,
     origins: bool = False,
-) -> str:
-    """Return the C++ of packets; see `make_packet_function`.
+    constants: str = "",
+) -> wp.ModuleBuildOptions:
+    """Return the build options of a kernel for packets; see `make_packet_kernel`.
 
     If `ray_table`, rays are read from a ray bundle, and have distinct origins if `origins`. If `points` is positive,
     packets consist of that many points of the image or of the bundle.
     """
-    head = f"enum {{ PACKET_WIDTH = {packet_width(side)}, PACKET_HEIGHT = {side}, LEVELS = {LEVELS} }};\n"
-    head += (
-        f"enum {{ MOVABLE = {int(movable)}, RESIZED = {int(resized)}, RAY_TABLE = {int(ray_table or points > 0)} }};\n"
-    )
-    head += f"enum {{ POINT_BLOCKS = {points // CUDA_LANES}, RAY_ORIGINS = {int(origins)} }};\n"
-    head += f"enum {{ TILE_BITS = {TILE_BITS}, MAX_TILES = {MAX_TILES}, CACHED_NUMBERS = {CACHED_NUMBERS} }};\n"
-    near = "origins" if origins else "clips" if clip else "occludes"
-    kinds = ("cuda/depth_id.h" if with_id else "cuda/depth.h", f"cuda/near_{near}.h")
-    kind = ("table" if ray_table else "grid", "table_point" if ray_table else "point")
-    places = (f"cuda/{kind[points > 0]}_places.h",)
-    if points:
-        places = ("cuda/point_index.h", *places)
-    setup = (
-        f"cuda/{'point' if points else 'no'}_cells.h",
-        "cuda/bvh.h",
-        f"cuda/{'ray' if origins else 'no'}_origins.h",
-        "cuda/camera.h",
-        "cuda/scene.h",
-        "cuda/setup.h",
-        *places,
-    )
-    return head + read_native(*_SHARED_HEADERS, "cuda/lanes.h", *kinds, *setup, *_HEADERS)
+    values = {
+        "PACKET_WIDTH": packet_width(side),
+        "PACKET_HEIGHT": side,
+        "LEVELS": LEVELS,
+        "CACHED_NUMBERS": CACHED_NUMBERS,
+        "TILE_BITS": TILE_BITS,
+        "MAX_TILES": MAX_TILES,
+        "WITH_ID": with_id,
+        "MOVABLE": movable,
+        "RESIZED": resized,
+        "CLIPS": clip,
+        "IS_TABLE": ray_table,
+        "RAY_TABLE": ray_table or points > 0,
+        "POINT_BLOCKS": points // CUDA_LANES,
+        "RAY_ORIGINS": origins,
+    }
+    text = "".join(f"constexpr int {name} = {int(value)};\n" for name, value in values.items())
+    return include_native(header, cuda=True, constants=text + constants)
 
 
 def packet_width(side: int) -> int:
@@ -168,8 +105,23 @@ def packet_width(side: int) -> int:
     return max(side, min(2 * side, 4))
 
 
-def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Function:
-    """Make the native function of a kernel, which every thread of a warp calls.
+@wp.func_native(CAST)
+def cast_packet(
+    scene: BvhScene,
+    camera: PinholeCamera,
+    poses: wp.array[wp.transform],
+    worlds: Worlds,
+    found: FoundObjects,
+    view: int,
+    packet_y: int,
+    packet_x: int,
+    cull_backfaces: bool,
+    images: Images,
+): ...
+
+
+def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
+    """Make a kernel for packets, which every thread of a warp runs.
 
     Args:
         side: Packet height; see `packet_width`.
@@ -178,30 +130,16 @@ def make_packet_function(side: int, with_id: bool, movable: bool, clip: bool, re
         clip: Whether surfaces nearer than the camera's `near` are invisible.
         resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
     """
-
-    @wp.func_native(headers(side, with_id, movable, clip, resized) + CAST)
-    def cast_packet(
-        scene: BvhScene,
-        camera: PinholeCamera,
-        poses: wp.array[wp.transform],
-        worlds: Worlds,
-        found: FoundObjects,
-        view: int,
-        packet_y: int,
-        packet_x: int,
-        cull_backfaces: bool,
-        images: Images,
-    ): ...
-
-    return cast_packet
-
-
-def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets of a height; see `make_packet_function`."""
-    cast_packet = make_packet_function(side, with_id, movable, clip, resized)
+    options = native_options("cuda/packets.h", side, with_id, movable, resized, clip=clip)
 
     # More registers reduce occupancy too much; fewer cause too many spills.
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False, cuda_max_registers=96 if movable else 80)
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        cuda_max_registers=96 if movable else 80,
+        module_options={"extra_build_options": options},
+    )
     def cast_packets_cuda(
         # Scene:
         scene: BvhScene,
@@ -237,21 +175,25 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
     return cast_packets_cuda
 
 
+@wp.func_native(FIND_OBJECT)
+def find_object(
+    scene: BvhScene,
+    camera: PinholeCamera,
+    poses: wp.array[wp.transform],
+    worlds: Worlds,
+    found: FoundObjects,
+    view: int,
+    object: int,
+): ...
+
+
 def make_find_kernel(resized: bool) -> wp.Kernel:
     """Make the kernel that finds the movable objects that may be visible in each view."""
+    options = native_options("cuda/packets.h", 32, False, True, resized)
 
-    @wp.func_native(headers(32, False, True, False, resized) + FIND_OBJECT)
-    def find_object(
-        scene: BvhScene,
-        camera: PinholeCamera,
-        poses: wp.array[wp.transform],
-        worlds: Worlds,
-        found: FoundObjects,
-        view: int,
-        object: int,
-    ): ...
-
-    @wp.kernel(module="unique", enable_backward=False, grid_stride=False)
+    @wp.kernel(
+        module="unique", enable_backward=False, grid_stride=False, module_options={"extra_build_options": options}
+    )
     def find_objects_cuda(
         # Scene:
         scene: BvhScene,

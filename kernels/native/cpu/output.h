@@ -8,19 +8,6 @@
 #include "cpu/worlds.h"
 #include "shared/images.h"
 
-// The images of an `Images` of kernels/casting/images.py, and arrays of a `BvhScene`.
-template <class Outputs, class BvhScene>
-static inline Images images_of(const Outputs& images, const BvhScene& scene) {
-    return Images{.depth = images.depth.data,
-                  .points = (float*)images.points.data,
-                  .normals = (float*)images.normals.data,
-                  .labels = images.labels.data,
-                  .segmentation = images.segmentation.data,
-                  .faces = images.faces.data,
-                  .object_label = scene.object_label.data,
-                  .slot_face = scene.slot_face.data};
-}
-
 // Stores of LANES pixels of a row, or of `count` at the end of a row.
 struct Write {
     // Whole cache lines are stored with non-temporal hints, which bypass the caches: this code does not read the images

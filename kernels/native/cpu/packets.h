@@ -230,7 +230,7 @@ struct Launch {
     static inline void packets(const PacketCall& call, const Outputs& images) {
         const Scene scene = Scene::of(call.scene, call.worlds);
         const Job job = Job::of(call.job, call.poses);
-        const Images out = images_of(images, call.scene);
+        const Images out = Images::of(images, call.scene);
         worker(
             call.job,
             [&](Arena& arena) { return StripMemory::carve(arena, job, scene.movables.count, call.scene.levels); },

@@ -105,7 +105,7 @@ struct RemapLaunch : Launch {
     static inline void remap(const RemapCall& call, const Outputs& images) {
         const Scene scene = Scene::of(call.scene, call.worlds);
         const RemapJob job = RemapJob::of(call.job, call.poses);
-        const Images out = images_of(images, call.scene);
+        const Images out = Images::of(images, call.scene);
         worker(
             call.job,
             [&](Arena& arena) { return RemapMemory::carve(arena, job, scene.movables.count, call.scene.levels); },

@@ -51,7 +51,7 @@ struct TableLaunch : Launch {
     template <RayKind KIND, class TableCall, class Outputs>
     static inline void cast(const TableCall& call, const TableJob& job, const Outputs& images) {
         const Scene scene = Scene::of(call.scene, call.worlds);
-        const Images out = images_of(images, call.scene);
+        const Images out = Images::of(images, call.scene);
         worker(
             call.job,
             [&](Arena& arena) { return TableMemory::carve(arena, job, scene.movables.count, call.scene.levels); },

@@ -11,6 +11,12 @@
 // packet size. If rounding leaves the sign of an edge function uncertain, it is evaluated in double precision
 // (shared/edges.h), so that no ray slips between triangles.
 
+#pragma once
+
+#include "cuda/lanes.h"
+#include "cuda/near.h"
+#include "shared/pose.h"
+
 enum {
     LEAF_WORDS = LEAF_ROWS * LANES,
     NODE_WORDS = NODE_ROWS * LANES,

@@ -3,6 +3,11 @@
 //
 // Camera data of packets.
 
+#pragma once
+
+#include "cuda/cells.h"
+#include "cuda/ray_origins.h"
+
 // Error bound of a triangle's volume, as a fraction of the product of the lengths of two sides, the distance of their
 // common corner and the lengths of the rows of to_camera: 4 sqrt(3) roundings for each side, 5 sqrt(3) for the corner
 // and 5 for the products and their sum make 28 roundings. It is 0 where two corners coincide, as in unused lanes of a

@@ -2,7 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The lanes of a CUDA warp, and number types for one lane.
-// The text of this file and the next is pasted into a function: local structs may have static functions only.
+
+#pragma once
+
+#include "shared/constants.h"
 
 // Warp-wide operations: all lanes of a warp call them together.
 

@@ -4,6 +4,12 @@
 // Movable objects: each has a BVH in its own frame and is drawn by the camera transformed into that frame. Depth and
 // pixel coordinates are the same in both frames.
 
+#pragma once
+
+#include "cuda/scene.h"
+#include "cuda/solids.h"
+#include "cuda/walk.h"
+
 // Queue of movable objects that a packet may see and that are not yet drawn; it holds a limited number at a time.
 struct ObjectQueue {
     enum { SIZE = MOVABLE ? 64 : 1 };

@@ -3,6 +3,11 @@
 //
 // Write a packet's pixels to depth, points, normals, labels, segmentation and faces, row by row, each pixel once.
 
+#pragma once
+
+#include "cuda/objects.h"
+#include "shared/images.h"
+
 // The pixels of a packet that one lane writes: they are in one column.
 struct Column {
     enum { ROWS = LANES / PACKET_WIDTH };  // rows that all lanes write together at a time

@@ -3,6 +3,10 @@
 //
 // Processing of one packet, from its view's pose to its part of the images.
 
+#pragma once
+
+#include "cuda/output.h"
+
 // For the camera: factor by which traversal exceeds `far`; bound on the displacement of a corner by rounding, per pixel
 // of its coordinates.
 constexpr float FARTHER = 1.00001f, BLUR = 6e-8f;
@@ -49,6 +53,14 @@ struct Packets {
             inside |= Box::holds(closed.boxes + BOX_WORDS * i, Vec3{1.0f, 1.0f, 1.0f}, camera.origin, camera.near) &&
                       !(excluded && excluded[__ldg(closed.object + i)]);
         return !Warp::any(inside);
+    }
+
+    // Find one object for a view, called by all lanes; `object` may exceed the number of objects.
+    static inline void find(const Scene& scene, const View& view, int object) {
+        if (!scene.movables.poses) return;
+        const bool is_object = object < scene.movables.count;
+        ObjectPass::find(camera_of(view), scene.movables, scene.found, is_object ? object : scene.movables.count - 1,
+                         is_object);
     }
 
     // Draw and write a view's packet. If the view's world does not exist, nothing is visible.

@@ -3,6 +3,10 @@
 //
 // A packet's pixels, in shared memory.
 
+#pragma once
+
+#include "cuda/places.h"
+
 struct PixelMemory : Places {
     Key z_buffer[SLOTS];  // [block][pixel]
 };

@@ -3,12 +3,18 @@
 //
 // Bounds of the blocks of a packet's points in its image.
 
+#pragma once
+
+#include "cuda/places.h"
+#include "cuda/visits.h"
+
 struct PointBlocks {
     // Cells per pixel for a side of `pixels` pixels, with no point beyond the last cell.
     static inline float per_side(float pixels) { return (CellGrid::SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
 
     // Each lane sets the bounds of one block, or marks it as empty.
-    static inline void set(const Camera& camera, Places& places, int block, const ImageBox& box, bool has_points) {
+    template <class PointPlaces>
+    static inline void set(const Camera& camera, PointPlaces& places, int block, const ImageBox& box, bool has_points) {
         places.bounds[block] = has_points ? box : ImageBox{NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
         places.cells[block] = has_points ? box.cells(camera, 0.0f) : Cells{1, 1, 0, 0};
         places.pixels[block] = has_points ? visit(camera, box) : none();

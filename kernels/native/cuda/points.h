@@ -12,12 +12,31 @@
 // numbers are those of the camera times a power of two, which rounds nothing: the result of a point does not depend on
 // the other points of its packet.
 
+#pragma once
+
+#include "cuda/packets.h"
+#include "cuda/point_blocks.h"
+
 // The points of a view, in the order in which packets take them.
 struct PointList {
     const ImagePoint* pixels;  // [px], from the image's corner
     int count;
     const int* order;  // order of the points sorted by position; null if they are in rows
     int columns;  // columns of each row; packets take squares of rows and columns
+
+    // The points of a view, of a `PointLists` of kernels/casting/point_order.py.
+    template <class PointLists>
+    static inline PointList of(const PointLists& points, int view) {
+        static_assert(sizeof(*points.pixels.data) == sizeof(ImagePoint), "points are read as two numbers");
+        const bool sorted = points.spread.data[view] > 0;
+        const int first = sorted && view > 0 ? points.ends.data[(long long)view * points.cells - 1] : 0;
+        PointList list;
+        list.count = points.pixels.shape[1];
+        list.pixels = (const ImagePoint*)points.pixels.data + (long long)view * list.count;
+        list.order = sorted ? points.order.data + first : nullptr;
+        list.columns = points.columns;
+        return list;
+    }
 
     enum {
         COLUMNS = SLOTS >= 1024 ? 32

@@ -4,6 +4,10 @@
 // Rasterization of triangles into a packet's pixels: small ones one per lane, larger ones by all lanes together, one
 // block of pixels at a time.
 
+#pragma once
+
+#include "cuda/uncertain_pixels.h"
+
 struct Raster {
     // Triangles of at most this many pixels are rasterized by a single lane, if enough others are.
     enum { SMALL_AREA = 64, STEPS_PER_LANE = 5 };

@@ -3,6 +3,10 @@
 //
 // The geometry of a scene: static triangles and movable objects.
 
+#pragma once
+
+#include "cuda/bvh.h"
+
 // Closed static objects.
 struct ClosedObjects {
     const float* boxes;  // [closed object][BOX_WORDS] in the world
@@ -28,6 +32,34 @@ struct Movables {
     const float* poses;
     const float* sizes;  // [movable][SOLID_WORDS] in that world; only in kernels that are RESIZED
     const unsigned char* excluded;  // [object]; null if none is excluded
+
+    // The objects of a view's world, but for those that it excludes.
+    template <class BvhScene, class Worlds>
+    static inline Movables of(const BvhScene& scene, const Worlds& worlds, int view) {
+        Movables all;
+        all.count = MOVABLE ? scene.drawn_count : 0;
+        all.moving = scene.movable_count;
+        all.object = scene.movable_object.data;
+        all.root = scene.movable_root.data;
+        all.leaf = scene.movable_leaf.data;
+        all.first_id = scene.movable_first_id.data;
+        all.closed = scene.movable_closed.data;
+        all.boxes = scene.movable_boxes.data;
+        all.solid = scene.movable_solid.data;
+        all.size = (const float*)scene.movable_size.data;
+        all.instance_poses = (const float*)scene.instance_pose.data;
+        all.poses = all.sizes = nullptr;
+        const int world_count = worlds.object_poses.shape[0];
+        const int world = worlds.world.data ? worlds.world.data[view] : world_count == 1 ? 0 : view;
+        if (world >= 0 && world < world_count) {
+            const long long first = (long long)world * scene.movable_count;
+            all.poses = (const float*)worlds.object_poses.data + first * POSE_WORDS;
+            if (RESIZED) all.sizes = (const float*)worlds.object_sizes.data + first * SOLID_WORDS;
+        }
+        // Without movable objects there is one world.
+        if (scene.movable_count == 0) all.poses = all.instance_poses;
+        return all;
+    }
 
     // Number of a triangle minus its slot in the leaves.
     inline int id_offset(int m) const { return __ldg(first_id + m) - __ldg(leaf + m) * LANES; }
@@ -127,6 +159,42 @@ struct Scene {
     Movables movables;
     FoundObjects found;
 
+    // The scene of a view, of a `BvhScene` of kernels/casting/packets.py, a `Worlds` of kernels/casting/worlds.py and a
+    // `FoundObjects` of kernels/casting/packets_cuda.py.
+    template <class BvhScene, class Worlds, class CallFound>
+    static inline Scene of(const BvhScene& scene, const Worlds& worlds, const CallFound& found, int view) {
+        static_assert(sizeof(*worlds.object_poses.data) == POSE_WORDS * sizeof(float) &&
+                          sizeof(*worlds.object_sizes.data) == SOLID_WORDS * sizeof(float),
+                      "poses and sizes are read as rows of numbers");
+        const unsigned char* excluded = nullptr;
+        const int excluded_row = min(view, worlds.excluded.shape[0] - 1);
+        if (worlds.excluded.data) excluded = worlds.excluded.data + excluded_row * scene.object_count;
+        Scene all;
+        all.bvh.leaves = scene.leaves.data;
+        all.bvh.owners = scene.owners.data;
+        all.bvh.nodes = scene.nodes.data;
+        all.bvh.children = scene.children.data;
+        all.bvh.root = scene.static_root;
+        all.bvh.first_id = 0;
+        all.bvh.all_closed = scene.all_closed != 0;
+        all.bvh.is_large = scene.leaves.shape[0] > CACHED_NUMBERS;
+        all.bvh.excluded = excluded;
+        all.closed.boxes = scene.closed_boxes.data;
+        all.closed.object = scene.closed_object.data;
+        all.closed.count = scene.closed_count;
+        all.movables = Movables::of(scene, worlds, view);
+        all.movables.excluded = excluded;
+        all.found.entries = found.entries.data
+                                ? (FoundObjects::Entry*)(found.entries.data + (long long)view * scene.drawn_count)
+                                : nullptr;
+        all.found.count = found.counts.data + 2 * view;
+        all.found.tile_count = found.tile_counts.data;
+        all.found.tile_end = found.tile_ends.data;
+        all.found.order = found.order.data;
+        all.found.tiles_x = found.tiles_x;
+        all.found.first_tile = view * found.tiles_y * found.tiles_x;
+        return all;
+    }
     // Index of the object that owns a triangle.
     inline int object_of(unsigned id) const {
         const int m = movables.owner_of(id);
@@ -151,4 +219,19 @@ struct View {
     float clip_inv_z, clip_reach;
     const float* pose;  // [POSE_WORDS], camera to world
     bool cull_back_faces;  // of all objects
+
+    // A view of a `PinholeCamera` of kernels/pinhole.py.
+    template <class PinholeCamera, class Poses>
+    static inline View of(const PinholeCamera& camera, const Poses& poses, int index, bool cull_back_faces) {
+        View view;
+        view.index = index;
+        view.width = (int)camera.width, view.height = (int)camera.height;
+        view.focal[0] = camera.fx, view.focal[1] = camera.fy;
+        view.center[0] = camera.cx, view.center[1] = camera.cy;
+        view.near = camera.near, view.far = camera.far;
+        view.clip_inv_z = camera.clip_inv_z, view.clip_reach = camera.clip_reach;
+        view.pose = (const float*)(poses.data + index);
+        view.cull_back_faces = cull_back_faces;
+        return view;
+    }
 };

@@ -3,6 +3,12 @@
 //
 // Triangle setup: the values of a triangle in the image, one triangle per lane.
 
+#pragma once
+
+#include "cuda/camera.h"
+#include "cuda/depth.h"
+#include "shared/edges.h"
+
 // The plane of a triangle in double precision: 1 / z is linear in u and v.
 struct ExactPlane {
     double u, v, one;

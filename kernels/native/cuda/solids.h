@@ -14,6 +14,10 @@
 // suffices at each pixel if the coefficients are computed in double precision. If the camera almost touches the ball, C
 // is small, as are both terms of the first form, which is then more accurate. The cylinder is the same without z.
 
+#pragma once
+
+#include "cuda/pixels.h"
+
 // Factors that cover rounding: of the reach of a solid, and of the ends of its side.
 constexpr float REACH_SLACK = 1.001f, SIDE_SLACK = 1e-6f;
 // A smaller C means that the camera almost touches a ball or a side.

@@ -7,6 +7,11 @@
 //
 // Rays may have distinct origins (ray_origins.h). Then each packet has its own eye.
 
+#pragma once
+
+#include "cuda/packets.h"
+#include "cuda/table_slots.h"
+
 // Transformation from the camera space of the table into that of a packet.
 struct TableFrame {
     double rows[3][3];  // u times z, v times z, and z of a point relative to the camera
@@ -16,7 +21,9 @@ struct TableFrame {
     double focal[2];  // lengths of the first two rows
     double longest;  // greatest z of the packet's rays at depth 1
 };
-static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double), "Python stores rows of numbers");
+static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double) &&
+                  (int)OriginRays::TableEye::WORDS == TABLE_EYE_WORDS,
+              "Python stores rows of numbers");
 
 // A packet's rays, in the order of the z-buffer.
 struct TablePacket {
@@ -28,6 +35,37 @@ struct TablePacket {
     int pixels;  // number of pixels of the table's image
     TableEye eye;
     RayStarts starts;
+
+    // A packet of a `RayPackets` of kernels/casting/ray_bundle_packets_cuda.py.
+    template <class RayPackets>
+    static inline TablePacket of(const RayPackets& packets, int packet) {
+        const long long first = (long long)packet * SLOTS;
+        TablePacket rays;
+        rays.frame = (const TableFrame*)(packets.frame.data + (long long)packet * TABLE_FRAME_WORDS);
+        rays.points = (const ImagePoint*)packets.points.data + first;
+        rays.rests = (const ImagePoint*)packets.rests.data + first;
+        rays.scale = packets.scale.data + first;
+        rays.place = packets.place.data + first;
+        rays.bounds = (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS;
+        rays.pixels = packets.pixels;
+        rays.eye = TableEye::of(packets.eyes.data + (long long)packet * TABLE_EYE_WORDS);
+        rays.starts = RayStarts::from((const ImagePoint*)packets.asides.data + first, packets.begins.data + first);
+        return rays;
+    }
+    // A view of the packet's image, in the range of a `RayRange` of kernels/casting/rays.py.
+    template <class RayRange, class Poses>
+    static inline View view_of(const RayRange& range, const Poses& poses, int index, bool cull_back_faces) {
+        View view;
+        view.index = index;
+        view.width = PACKET_WIDTH, view.height = PACKET_HEIGHT;
+        view.focal[0] = view.focal[1] = 1.0;
+        view.center[0] = view.center[1] = 0.0;
+        view.near = range.near, view.far = range.far;
+        view.clip_inv_z = NOWHERE, view.clip_reach = 0.0f;
+        view.pose = (const float*)(poses.data + index);
+        view.cull_back_faces = cull_back_faces;
+        return view;
+    }
 
     // Set the camera in shared memory. Each lane computes one coordinate of a ray or of a row.
     inline void set_camera(const Scene& scene, const View& view, Camera& camera) const {

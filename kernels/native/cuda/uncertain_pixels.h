@@ -5,6 +5,10 @@
 // shared/edges.h). They are rare, so they are recorded and drawn in batches by separate code, which adds neither
 // registers nor instruction-cache pressure to the common path.
 
+#pragma once
+
+#include "cuda/pixels.h"
+
 // The recorded pixels, in shared memory.
 struct UncertainPixels {
     // Size of a batch, and the count from which a batch is drawn: a warp's shared memory is small.

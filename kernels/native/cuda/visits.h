@@ -3,6 +3,10 @@
 //
 // Bounds of a node's children in a packet: depth and pixels.
 
+#pragma once
+
+#include "cuda/bvh.h"
+
 // Visit of one child of a node, in a sortable word: the bits of its greatest 1 / z, rounded up, and below them the
 // blocks it may cover; 0 if there is nothing to visit.
 struct Visit {

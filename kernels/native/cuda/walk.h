@@ -4,6 +4,11 @@
 // Traversal of the BVH by a packet, front to back, with frustum culling, back-face culling and occlusion culling by the
 // packet's z-buffer.
 
+#pragma once
+
+#include "cuda/raster.h"
+#include "cuda/visits.h"
+
 // Factor that covers the rounding error of a radius.
 constexpr float WIDER = 1.0001f;
 

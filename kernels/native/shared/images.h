@@ -14,7 +14,20 @@ struct Images {
     const unsigned char* object_label;  // [object]: label of each object
     const int* slot_face;  // [leaf][lane]: face index of each triangle; null if faces are not requested
 
+    // The images of an `Images` of kernels/casting/images.py, and arrays of a `BvhScene` of kernels/casting/packets.py.
+    template <class Outputs, class BvhScene>
+    static inline Images of(const Outputs& images, const BvhScene& scene) {
+        Images out;
+        out.depth = images.depth.data;
+        out.points = (float*)images.points.data;
+        out.normals = (float*)images.normals.data;
+        out.labels = images.labels.data;
+        out.segmentation = images.segmentation.data;
+        out.faces = images.faces.data;
+        out.object_label = scene.object_label.data;
+        out.slot_face = scene.slot_face.data;
+        return out;
+    }
     // Whether the z-buffer must store the triangle of a pixel, not only its object.
     inline bool of_triangles() const { return normals || faces; }
 };
-static_assert(sizeof(Images) == 8 * sizeof(void*), "kernels/casting/images.py fills the members in this order");

@@ -1,10 +1,30 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Packets of a ray table (table.h) whose rays are anywhere in their image and fill it, like packets of points of a view
-// (points.h). See table_pixels.h for others.
+// The image of a packet of a ray table (table.h), and the order of its rays.
 
-struct TableSlots {
+#pragma once
+
+#include "cuda/point_blocks.h"
+
+// Rays pass near the centers of pixels.
+struct PixelSlots {
+    // The image is the packet's pixels.
+    static inline void set_sides(Camera& camera) {
+        camera.last_x = PACKET_WIDTH - 1.0f;
+        camera.last_y = PACKET_HEIGHT - 1.0f;
+    }
+    // Distance of the image's first pixel from the principal point; that of the last pixel is at most this plus the
+    // image size.
+    static inline float farthest(const Camera& camera) { return fmaxf(fabsf(camera.first_u), fabsf(camera.first_v)); }
+    // Nothing to index: each ray belongs to its pixel.
+    static inline void index(const Camera&, Places&, const ImageBox*) {}
+    static inline void add(const Camera&, Places&, int) {}
+};
+
+// Rays are anywhere in their image and fill it, like packets of points of a view (points.h).
+template <class Places, class Camera>
+struct PointSlots {
     // Set the distances of the image's sides from the principal point, and the cells that divide it.
     static inline void set_sides(Camera& camera) {
         const float across = PACKET_WIDTH - 1.0f, along = PACKET_HEIGHT - 1.0f;
@@ -28,4 +48,6 @@ struct TableSlots {
         places.add(camera, places.points[slot], slot);
     }
 };
+
+typedef Select<POINTS>::Type<PointSlots<Places, Camera>, PixelSlots> TableSlots;
 static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python stores rows of left, right, top and bottom");
