@@ -27,7 +27,7 @@ from gpu_work import recorded, subject_of, timer_of
 from ratios import Contest, Workload
 
 import warpvis as wv
-from warpvis.rendering import _cuda_points
+from warpvis.rendering.casters import points_cuda
 
 SCENES = ("room", "blobs_77k", "blobs_1m")
 _BASELINE = 0.075  # stereo baseline [m]
@@ -179,7 +179,7 @@ def main() -> None:
     with wp.ScopedDevice(device):
         for size in arguments.packets or [0]:
             if size:
-                _cuda_points._PACKETS, _cuda_points._MIN_POINTS = ((size, 0),), 0
+                points_cuda._PACKETS, points_cuda._MIN_POINTS = ((size, 0),), 0
                 print(f"\nPackets of {size} points, however few there are\n")
             print("| | views a second | Gpoints/s | x `rays` | time by the image's, a point | same as `rays` |")
             print("|---|---:|---:|---:|---:|---:|")

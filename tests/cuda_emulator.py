@@ -28,10 +28,11 @@ from warpvis import Camera, Scene
 from warpvis.cameras.rays import RayCamera
 from warpvis.kernels import native_source
 from warpvis.kernels.casting import packets_cuda, point_packets_cuda, ray_bundle_packets_cuda
-from warpvis.rendering import OUTPUTS, Renderer
-from warpvis.rendering._cuda_points import list_points, packet_count
-from warpvis.rendering._ray_packets import prepare_all
-from warpvis.rendering.casters import RaysCaster, RayTableCaster, as_images, images_struct
+from warpvis.rendering import Renderer
+from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
+from warpvis.rendering.casters.points_cuda import list_points, packet_count
+from warpvis.rendering.casters.rays import RayBundleCaster, RaysCaster
+from warpvis.rendering.casters.sorted_rays_cuda import prepare_all
 from warpvis.scene.acceleration.geometry import build_scene_bvh
 
 NATIVE = Path(__file__).parent / "native"
@@ -185,33 +186,32 @@ def _build(sources: dict[str, str], compiler: str) -> Path:
     return target
 
 
-def _trees(scene: Scene, images: list[wp.array | None]) -> Any:
+def _trees(scene: Scene, images: ImagesByName) -> Any:
     """Return the trees of a scene that GPU casters read."""
-    faces = images[list(OUTPUTS).index("faces")] is not None
-    return build_scene_bvh(scene.objects, scene.device, lanes=32, faces=faces).struct
+    return build_scene_bvh(scene.objects, scene.device, lanes=32, faces="faces" in images).struct
 
 
 class EmulatedCaster(RaysCaster):
     """Replaces the caster in `Renderer`; renders images with the scene's trees of 32 lanes."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
-        super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
+        super().__init__(scene, camera, CastOptions(cull_backfaces=cull, clip_near=variant.clip))
         self._emulator = emulator
         self._variant = variant
 
-    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         scene, camera, side = self._scene, self._camera, self._variant.side
         struct = _trees(scene, images)
         arguments = {
             "scene": struct,
-            "camera": camera.device_struct(clip_near=self._clip_near),
-            "poses": poses,
-            "worlds": worlds,
-            "found": self._room(len(poses), struct.drawn_count),
-            "cull_backfaces": self._cull_backfaces,
+            "camera": camera.device_struct(clip_near=self._options.clip_near),
+            "poses": views.poses,
+            "worlds": views.worlds,
+            "found": self._room(len(views), struct.drawn_count),
+            "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
-        size = (len(poses), -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
+        size = (len(views), -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
         self._emulator.launch(self._variant, size, arguments)
 
     def _room(self, views: int, count: int) -> Any:
@@ -227,23 +227,23 @@ class EmulatedCaster(RaysCaster):
         return room
 
 
-class EmulatedTableCaster(RayTableCaster):
+class EmulatedTableCaster(RayBundleCaster):
     """Replaces the caster of ray bundles."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: RayCamera, cull: bool) -> None:
-        super().__init__(scene, camera, cull_backfaces=cull, clip_near=False, threads=1)
+        super().__init__(scene, camera, CastOptions(cull_backfaces=cull))
         self._emulator = emulator
         self._variant = variant
 
-    def cast(self, poses: wp.array, worlds: Any, images: list[wp.array | None]) -> None:
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         arguments = {
             "scene": _trees(self._scene, images),
             "range": self._camera.device_struct(),
-            "poses": poses,
-            "worlds": worlds,
+            "poses": views.poses,
+            "worlds": views.worlds,
             "found": packets_cuda.FoundObjects(),
-            "cull_backfaces": self._cull_backfaces,
-            "images": images_struct(as_images(images)),
+            "cull_backfaces": self._options.cull_backfaces,
+            "images": images_struct(images),
         }
         # A launch writes all of an image: all packets have the same shape.
         shape = (self._camera.height, self._camera.width, 3)
@@ -253,30 +253,30 @@ class EmulatedTableCaster(RayTableCaster):
             self._scene.device,
             self._camera.origins.reshape(shape) if self._variant.origins else None,
         )
-        self._emulator.launch(self._variant, (len(poses), packets.frame.shape[0], 1), arguments | {"packets": packets})
+        self._emulator.launch(self._variant, (len(views), packets.frame.shape[0], 1), arguments | {"packets": packets})
 
 
 class EmulatedPointCaster(RaysCaster):
     """Replaces the caster of image points."""
 
     def __init__(self, emulator: Emulator, variant: Variant, scene: Scene, camera: Camera, cull: bool) -> None:
-        super().__init__(scene, camera, cull_backfaces=cull, clip_near=variant.clip, threads=1)
+        super().__init__(scene, camera, CastOptions(cull_backfaces=cull, clip_near=variant.clip))
         self._emulator = emulator
         self._variant = variant
 
-    def cast_at(self, poses: wp.array, worlds: Any, pixels: wp.array, images: list[wp.array | None]) -> None:
-        lists = list_points(pixels, self._camera)
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        lists = list_points(views.pixels, self._camera)
         arguments = {
             "scene": _trees(self._scene, images),
-            "camera": self._camera.device_struct(clip_near=self._clip_near),
-            "poses": poses,
-            "worlds": worlds,
+            "camera": self._camera.device_struct(clip_near=self._options.clip_near),
+            "poses": views.poses,
+            "worlds": views.worlds,
             "found": packets_cuda.FoundObjects(),
             "points": lists,
-            "cull_backfaces": self._cull_backfaces,
+            "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
-        size = (len(poses), packet_count(lists, self._variant.points), 1)
+        size = (len(views), packet_count(lists, self._variant.points), 1)
         self._emulator.launch(self._variant, size, arguments)
 
 

@@ -20,7 +20,7 @@ from apart_checks import (
 
 import warpvis as wv
 from warpvis.cameras import Rays
-from warpvis.rendering import casters
+from warpvis.rendering.casters import rays
 
 import reference
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
@@ -36,7 +36,7 @@ def packets_only(monkeypatch):
     def refuse(*_):
         raise AssertionError("cast ray by ray")
 
-    monkeypatch.setattr(casters.RayTableCaster, "cast", refuse)
+    monkeypatch.setattr(rays.RayBundleCaster, "cast", refuse)
 
 
 @pytest.mark.parametrize("size", [0.05, 1.0, 40.0])

@@ -17,10 +17,10 @@ import warpvis as wv
 from warpvis.batch import find_format, make_plan, render_batch
 from warpvis.batch.storage._output import ShardFiles
 from warpvis.cameras.frames import Frames
+from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import Crew
 from warpvis.io import depth_to_units, encode_png, load_camera, read_frames
-from warpvis.rendering import SENSOR_OUTPUTS
 
 # Asymmetric: an offset of half a pixel or swapped axes shift points by centimeters at the scene's distances.
 CAMERA = wv.Camera(48, 36, fx=50.0, fy=47.0, cx=22.3, cy=19.1, near=0.5, far=6.0)
@@ -384,7 +384,7 @@ def test_bytes_do_not_depend_on_threads(tmp_path, rendered, kind):
 @pytest.mark.parametrize("kind", OUTPUTS)
 def test_single_output(tmp_path, rendered, kind):
     default = find_format(kind).default_outputs
-    assert set(default) <= find_format(kind).outputs - SENSOR_OUTPUTS.keys() == set(OUTPUTS[kind])
+    assert set(default) <= set(find_format(kind).outputs) - set(SENSOR_NAMES) == set(OUTPUTS[kind])
     write(tmp_path, rendered, kind, outputs=default[:1])
     assert len({name.split("/")[0] for name in bytes_of(tmp_path)}) > 1
 

@@ -20,9 +20,9 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 
 import warpvis as wv
 from warpvis.cameras import Rays
-from warpvis.rendering._cuda_table import MAX_EYE_OFFSET
-from warpvis.rendering._ray_eyes import group_rows
-from warpvis.rendering._ray_packets import prepare_packets
+from warpvis.rendering.casters.ray_bundles_cuda import MAX_EYE_OFFSET
+from warpvis.rendering.casters.ray_origins_cuda import group_rows
+from warpvis.rendering.casters.sorted_rays_cuda import prepare_packets
 from warpvis.sensors import lidars
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays

@@ -16,6 +16,7 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 
 import warpvis as wv
 from warpvis import cameras
+from warpvis.rendering.casters.base import ViewBatch
 from warpvis.scene import solids
 from warpvis.scene.worlds import parse_worlds
 
@@ -323,7 +324,8 @@ def test_world_index_out_of_range_renders_nothing(emulator):
     worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device="cpu")
     views = renderer.render(eyes(3), object_poses=rows, world_index=[1, 0, 0])
     seen = render(emulator, scene, eyes(1), object_poses=rows[1:])
-    renderer._caster.cast(renderer._caster.parse_poses(eyes(3), "opencv"), worlds, renderer._asked_for(views))
+    poses = renderer._caster.parse_poses(eyes(3), "opencv")
+    renderer._caster.cast(ViewBatch(poses, worlds), renderer._images_of(views))
     assert_bits_equal(view_of(views, 0), seen)
     assert np.isposinf(views.depth.numpy()[1:]).all()
     assert np.isnan(views.points.numpy()[1:]).all() and np.isnan(views.normals.numpy()[1:]).all()
@@ -338,7 +340,8 @@ def test_invalid_poses_render_nothing(emulator):
         renderer = emulated_renderer(emulator, Variant(16, True, movable), scene, CAMERA, outputs=ALL)
         views = renderer.render(eyes(4))
         array = wp.array(poses, dtype=wp.transform, device="cpu")
-        renderer._caster.cast(array, parse_worlds(scene, 4, None, None, None), renderer._asked_for(views))
+        worlds = parse_worlds(scene, 4, None, None, None)
+        renderer._caster.cast(ViewBatch(array, worlds), renderer._images_of(views))
         assert np.isfinite(views.depth.numpy()[0]).any()
         assert np.isinf(views.depth.numpy()[1:]).all()
         assert (views.segmentation.numpy()[1:] == -1).all()

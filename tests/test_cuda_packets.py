@@ -11,8 +11,9 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering import _cuda_packets
-from warpvis.rendering._cuda_packets import CudaPacketsCaster, packet_side
+from warpvis.rendering.casters import packets_cuda
+from warpvis.rendering.casters.base import CastOptions, ViewBatch
+from warpvis.rendering.casters.packets_cuda import CudaPacketsCaster, packet_side
 from warpvis.scene.worlds import parse_worlds
 
 from compare import assert_matches_reference
@@ -53,15 +54,15 @@ def test_launched_kernels_and_sizes(monkeypatch):
     """The kernel of the requested outputs is launched with 32 threads per packet, and never for zero views."""
     scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.bvh()  # building trees launches kernels too
-    monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
-    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
+    monkeypatch.setattr(packets_cuda, "_kernel", lambda *key: key)
+    monkeypatch.setattr(packets_cuda, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
     depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
     worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
     for clip_near in (False, True):
-        caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=clip_near, threads=1)
-        caster.cast(poses, worlds, [depth, *[None] * 5])
-        caster.cast(poses, worlds, [depth, None, None, None, ids, None])
-        caster.cast(wp.zeros(0, dtype=wp.transform), worlds, [None] * 6)
+        caster = CudaPacketsCaster(scene, camera, CastOptions(clip_near=clip_near))
+        caster.cast(ViewBatch(poses, worlds), {"depth": depth})
+        caster.cast(ViewBatch(poses, worlds), {"depth": depth, "segmentation": ids})
+        caster.cast(ViewBatch(wp.zeros(0, dtype=wp.transform), worlds), {})
     size = (2, 3, 4, 32)  # packet rows of all views in sequence
     assert launched == [((32, ids, False, clip, False), size) for clip in (False, True) for ids in (False, True)]
 
@@ -71,12 +72,13 @@ def test_launched_kernel_with_object_scales(monkeypatch):
     scene, camera, launched = wv.Scene(), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.add(trimesh.creation.box(), movable=True)
     scene.bvh()
-    monkeypatch.setattr(_cuda_packets, "_kernel", lambda *key: key)
-    monkeypatch.setattr(_cuda_packets, "launch", lambda kernel, *_, **__: Recorded(launched, kernel[2:]))
-    caster = CudaPacketsCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=1)
+    monkeypatch.setattr(packets_cuda, "_kernel", lambda *key: key)
+    monkeypatch.setattr(packets_cuda, "launch", lambda kernel, *_, **__: Recorded(launched, kernel[2:]))
+    caster = CudaPacketsCaster(scene, camera, CastOptions())
     for scales in (None, np.ones((1, 1, 3))):
         worlds = parse_worlds(scene, 1, None, None, None, scales)
-        caster.cast(wp.zeros(1, dtype=wp.transform), worlds, [wp.zeros((1, 40, 100)), *[None] * 5])
+        views = ViewBatch(wp.zeros(1, dtype=wp.transform), worlds)
+        caster.cast(views, {"depth": wp.zeros((1, 40, 100))})
     assert launched == [(True, False, False), (True, False, True)]
 
 
@@ -88,7 +90,7 @@ def test_images_do_not_depend_on_the_packet_size(name, outputs, cuda, monkeypatc
     camera = wv.Camera.from_fov(133, 77, hfov=0.994837, near=0.05, far=4.0)
     images = []
     for side in (32, 16, 8, 4, 2, 1):
-        monkeypatch.setattr("warpvis.rendering._cuda_packets.packet_side", lambda *_, side=side, **__: side)
+        monkeypatch.setattr("warpvis.rendering.casters.packets_cuda.packet_side", lambda *_, side=side, **__: side)
         images.append(wv.render(scene, camera, preset.poses(3), outputs=outputs))
     for other in images[1:]:
         assert_identical(images[0], other)
@@ -132,7 +134,7 @@ def test_found_objects_do_not_change_images(movable, scales, cuda, monkeypatch):
         assert len(np.unique(seen[view])) > 100
         assert options["exclude"][view] not in seen[view]
     assert (seen[2] == 1).all()
-    monkeypatch.setattr("warpvis.rendering._cuda_packets.MANY_OBJECTS", 10_000)
+    monkeypatch.setattr("warpvis.rendering.casters.packets_cuda.MANY_OBJECTS", 10_000)
     assert_identical(found, renderer.render(poses, **options))
 
 

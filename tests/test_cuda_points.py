@@ -11,8 +11,8 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert_curve, measure_blocks, sort_points
 
 import warpvis as wv
-from warpvis.rendering import _cuda_points
-from warpvis.rendering._cuda_points import guess_columns, list_points, packet_count, packet_size, takes_packets
+from warpvis.rendering.casters import CastOptions, ViewBatch, points_cuda
+from warpvis.rendering.casters.points_cuda import guess_columns, list_points, packet_count, packet_size, takes_packets
 
 import reference
 from compare import wrong_depth
@@ -328,8 +328,8 @@ def test_points_are_sorted_by_their_cells(device):
     bits = 4  # 256 cells for 1665 points
     assert lists.cells == 4**bits + OUTSIDE_CELLS
     spacing = np.sqrt(np.prod(SIZE) / 1665)
-    most = _cuda_points._MAX_STRETCH * 12 * spacing
-    apart = measure_blocks(pixels, 45, SIZE, _cuda_points._MEASURED_STEP, most)
+    most = points_cuda._MAX_STRETCH * 12 * spacing
+    apart = measure_blocks(pixels, 45, SIZE, points_cuda._MEASURED_STEP, most)
     np.testing.assert_allclose(lists.spread.numpy(), 8 * apart, atol=20)
     assert apart[1] < 0 < apart[0]
     ends = lists.ends.numpy().reshape(2, -1)
@@ -360,14 +360,13 @@ def test_launches_are_split_to_fit_memory(monkeypatch):
     """Views, their worlds and their outputs are split together."""
     scene, launched = build("cpu", random_poses(np.random.default_rng(1), 5), movable=True), []
     scene.bvh()
-    monkeypatch.setattr(_cuda_points, "_MAX_POINTS", 5000)
-    monkeypatch.setattr(_cuda_points, "_cast", lambda *given: launched.append(given[3:]))
+    monkeypatch.setattr(points_cuda, "_MAX_POINTS", 5000)
+    monkeypatch.setattr(points_cuda, "_cast", lambda *given: launched.append(given[3:]))
     pixels, depth = wp.zeros((5, 1, 2000), dtype=wp.vec2), wp.zeros((5, 1, 2000), dtype=float)
     worlds = wv.scene.worlds.parse_worlds(scene, 5, None, np.zeros(5, dtype=np.int32), None)
-    poses = wp.zeros(5, dtype=wp.transform)
-    images = [depth, None, None, None, None]
-    _cuda_points.cast_point_packets(scene.bvh().struct, CAMERA, (False, False), poses, worlds, pixels, images)
-    assert [(len(at), some.world.size, points.shape, rows[0].shape) for at, some, points, rows in launched] == [
+    views = ViewBatch(wp.zeros(5, dtype=wp.transform), worlds, pixels=pixels)
+    points_cuda.cast_point_packets(scene.bvh().struct, CAMERA, CastOptions(), views, {"depth": depth})
+    assert [(len(p), p.worlds.world.size, p.pixels.shape, rows["depth"].shape) for p, rows in launched] == [
         (count, count, (count, 1, 2000), (count, 1, 2000)) for count in (2, 2, 1)
     ]
 
@@ -413,7 +412,7 @@ def test_gpu_results_do_not_depend_on_the_packet_size(cuda, monkeypatch):
     camera = LARGE
     renderer, images = wv.Renderer(preset.build(cuda), camera, outputs=ALL), []
     for size in (64, 256, 1024):
-        monkeypatch.setattr(_cuda_points, "_PACKETS", ((size, 0),))
+        monkeypatch.setattr(points_cuda, "_PACKETS", ((size, 0),))
         images.append(renderer.render_at(preset.poses(2), np.tile(centers(camera), (2, 1, 1))))
     assert_bits_equal(images[1], images[0])
     assert_bits_equal(images[2], images[0])

@@ -8,7 +8,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.kernels.casting.packets_cuda import FoundObjects, sort_into_tiles
-from warpvis.rendering._found_objects import find_objects
+from warpvis.rendering.casters.found_objects_cuda import find_objects
 from warpvis.scene.worlds import parse_worlds
 
 import reference

@@ -16,9 +16,8 @@ import warpvis as wv
 from warpvis.cameras import LensCamera, Rays, lenses
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import ArrayError, CameraError, PoseError
-from warpvis.rendering import OUTPUTS, views_for
+from warpvis.rendering import views_for
 from warpvis.scene.acceleration import traversal_plan
-from warpvis.scene.worlds import part_of
 from warpvis.sensors import Motion, RollingShutter, deskew, measure_incidence, point_clouds
 
 import reference
@@ -294,10 +293,10 @@ def test_split_batches_match_whole_batch():
         way = Motion(rows, [0, 6.0])
         whole = renderer.render(sensor, object_poses=way)
         caster = renderer._moving_caster()
-        poses, worlds = caster.parse(sensor, way, None, None, None, None)
+        views = caster.parse(sensor, way, None, None, None, None)
         part = slice(1, 3)
         some = views_for(ALL, (2, 48, 64), scene.device)
-        caster.cast(poses[part], part_of(worlds, part), [getattr(some, name) for name in OUTPUTS])
+        caster.cast(views.part(part), {name: getattr(some, name) for name in ALL})
         for name in ALL:
             np.testing.assert_array_equal(getattr(some, name).numpy(), getattr(whole, name).numpy()[part])
 

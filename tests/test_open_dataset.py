@@ -16,7 +16,7 @@ from batch_jobs import FORMATS
 
 import warpvis as wv
 from warpvis.batch import find_format
-from warpvis.rendering import SENSOR_OUTPUTS
+from warpvis.core.outputs import SENSOR_NAMES
 
 CAMERA = wv.Camera(24, 18, fx=25.0, fy=23.0, cx=11.3, cy=9.1, near=0.5, far=6.0)
 FRAMES, SHARD_FRAMES = 7, 3
@@ -62,7 +62,7 @@ def written(tmp_path_factory):
         out = root / "-".join([kind, *options.values()])
         if not out.exists():
             pytest.importorskip({"zarr": "zarr", "ros2": "rosbags"}.get(kind, "numpy"))
-            outputs = sorted(find_format(kind).outputs - SENSOR_OUTPUTS.keys())
+            outputs = sorted(set(find_format(kind).outputs) - set(SENSOR_NAMES))
             wv.render_batch(
                 scene, CAMERA, frames, out, format=kind, outputs=outputs, shard_frames=SHARD_FRAMES, options=options
             )

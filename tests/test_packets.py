@@ -15,7 +15,7 @@ from pose_samples import unit
 import warpvis as wv
 from warpvis import scenes
 from warpvis.core.poses import poses_to_matrices
-from warpvis.rendering._cpu_packets import split_rows
+from warpvis.rendering.casters.packets_cpu import split_rows
 from warpvis.scenes import terrain
 
 import reference

@@ -9,7 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering._cpu_remap import are_coherent
+from warpvis.rendering.casters.packets_cpu import are_coherent
 from warpvis.scene import solids
 
 import reference

@@ -96,8 +96,8 @@ def test_modules_are_loaded_before_launch(monkeypatch):
 def test_jobs_are_reused(monkeypatch):
     made = []
     renderer = wv.Renderer(movable_boxes(), CAMERA, threads=1)
-    make = renderer._caster._make_job
-    monkeypatch.setattr(renderer._caster, "_make_job", lambda *key: (made.append(key), make(*key))[1])
+    make = renderer._caster._make_strips
+    monkeypatch.setattr(renderer._caster, "_make_strips", lambda *key: (made.append(key), make(*key))[1])
     for _ in range(3):
         renderer.render(cameras())
     assert len(made) == 1

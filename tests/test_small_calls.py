@@ -18,8 +18,9 @@ from warpvis.core import arrays
 from warpvis.core.arrays import aligned_empty, aligned_zeros
 from warpvis.core.device_poses import parse_on_device
 from warpvis.core.poses import host_poses, poses_to_matrices, poses_to_opencv
-from warpvis.rendering._cpu_packets import RayCosts
-from warpvis.rendering._prepared import CheckedImages, FreeList
+from warpvis.rendering._views import CheckedImages
+from warpvis.rendering.casters.base import Pool
+from warpvis.rendering.casters.packets_cpu import RayCosts
 
 ALL = ("depth", "points", "normals", "labels", "segmentation")
 CAMERA = wv.Camera.from_fov(40, 33, hfov=1.2, near=0.05, far=50.0)
@@ -89,9 +90,9 @@ def test_outputs_not_requested_are_not_written(device):
 def test_checked_images_are_found_only_if_the_same():
     checked, shape, outputs = CheckedImages(), (1, 2, 3), ("depth",)
     depth = wp.zeros(shape, device="cpu")
-    checked.record([depth, None], shape, outputs)
+    checked.record({"depth": depth}, shape, outputs)
     found = checked.find(wv.Views(depth=depth), shape, outputs)
-    assert found is not None and found[0] is depth and found[1:] == [None]
+    assert found is not None and list(found) == ["depth"] and found["depth"] is depth
     assert checked.find(wv.Views(depth=wp.zeros_like(depth)), shape, outputs) is None
 
 
@@ -374,13 +375,21 @@ def test_copied_ray_renderer_renders_alike(device, caster, convert):
         assert_identical(convert(renderer).render(eyes(2)), out)
 
 
-def test_free_list_forgets_least_recent_kinds():
-    free = FreeList[str](2)
+def test_pool_forgets_least_recent_kinds():
+    pool, used = Pool(2), []
+
+    def use(kind, name="made"):
+        pool.use(kind, lambda: used.append("made") or [name], lambda item: used.append(item[0]))
+
     for kind in (1, 2, 3):
-        assert free.take(kind) is None
-        free.give_back(kind, f"first of {kind}")
-    free.give_back(3, "second of 3")
-    assert [free.take(kind) for kind in (1, 2, 3, 3, 3)] == [None, "first of 2", "second of 3", "first of 3", None]
+        use(kind, f"first of {kind}")
+    # Two calls at once use distinct objects.
+    pool.use(3, lambda: ["another"], lambda outer: use(3, "second of 3"))
+    used.clear()
+    use(2)
+    pool.use(3, list, lambda outer: pool.use(3, list, lambda inner: used.append({outer[0], inner[0]})))
+    use(1)
+    assert used == ["first of 2", {"first of 3", "second of 3"}, "made", "made"]
 
 
 def test_strided_device_poses_are_gathered():

@@ -8,8 +8,8 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
-from warpvis.rendering._ray_bundles import prepare_rays
-from warpvis.rendering._ray_packets import prepare_all, prepare_packets
+from warpvis.rendering.casters.sorted_rays_cpu import prepare_rays
+from warpvis.rendering.casters.sorted_rays_cuda import prepare_all, prepare_packets
 
 from support.solids import build as build_solids
 from support.table_packets import PATTERNS, Table, assert_views_match, scan, unit, with_gaps

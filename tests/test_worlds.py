@@ -9,6 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
+from warpvis.rendering.casters.base import ViewBatch
 from warpvis.scene import worlds as scene_worlds
 from warpvis.scene.worlds import parse_worlds
 
@@ -132,7 +133,8 @@ def test_invalid_world_index_on_device_is_empty(device, caster):
     worlds = parse_worlds(scene, 4, rows, np.zeros(4, dtype=np.int32), None)
     worlds.world = wp.array([1, 2, -1, 0], dtype=wp.int32, device=device)
     views = renderer.render(eyes(4), object_poses=rows, world_index=[1, 0, 0, 0])
-    renderer._caster.cast(renderer._caster.parse_poses(eyes(4), "opencv"), worlds, renderer._asked_for(views))
+    poses = renderer._caster.parse_poses(eyes(4), "opencv")
+    renderer._caster.cast(ViewBatch(poses, worlds), renderer._images_of(views))
     assert (views.segmentation.numpy()[1:3] == -1).all()
     assert np.isposinf(views.depth.numpy()[1:3]).all()
     assert_bits_equal(view_of(views, 0), renderer.render(eyes(4)[0], object_poses=rows[1]))

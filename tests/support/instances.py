@@ -8,6 +8,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
+from warpvis.rendering.casters.base import ViewBatch
 from warpvis.scene import solids
 from warpvis.scene.acceleration import traversal_plan
 from warpvis.scene.worlds import parse_worlds
@@ -74,6 +75,7 @@ def assert_missing_world_is_empty(renderer, places):
     worlds.world = wp.array([1, 2, -1], dtype=wp.int32, device=renderer.scene.device)
     views = renderer.render(eyes(3), object_poses=places, world_index=[1, 0, 0])
     before = views.depth.numpy().copy()
-    renderer._caster.cast(renderer._caster.parse_poses(eyes(3), "opencv"), worlds, renderer._asked_for(views))
+    poses = renderer._caster.parse_poses(eyes(3), "opencv")
+    renderer._caster.cast(ViewBatch(poses, worlds), renderer._images_of(views))
     np.testing.assert_array_equal(views.depth.numpy()[0], before[0])
     assert np.isposinf(views.depth.numpy()[1:]).all()

@@ -22,19 +22,19 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy, check_length, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.labels import Label
-from warpvis.core.outputs import VISIBILITY
+from warpvis.core.outputs import IMAGE_NAMES, OUTPUTS, VISIBILITY
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import (
-    ALL_OUTPUTS,
-    OUTPUTS,
-    Caster,
+    CasterName,
     DepthSensor,
     Output,
     Renderer,
     Views,
+    as_views,
     check_output_names,
     check_outputs,
+    pixel_type,
 )
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility import choose_objects, see_objects
@@ -42,16 +42,13 @@ from warpvis.visibility import choose_objects, see_objects
 if TYPE_CHECKING:
     from warpvis.cameras.frames import Frames
 
-BATCH_OUTPUTS = (*ALL_OUTPUTS, VISIBILITY)
-"""All outputs of a batch; those of `SENSOR_OUTPUTS` require a sensor."""
-
 SceneSource: TypeAlias = Scene | str | os.PathLike[str] | Callable[[], Scene]
 """A scene, a file for `Scene.load`, or a function that returns a scene."""
 
 Batch: TypeAlias = Mapping[str, np.ndarray]
 """Arrays of frames, by name."""
 
-_EXACT_OUTPUTS = (*OUTPUTS, VISIBILITY)
+_EXACT_OUTPUTS = (*IMAGE_NAMES, VISIBILITY)
 
 # A camera outside the scene, whose images are one packet of the largest size.
 _CAMERA = Camera.from_fov(32, 32, hfov=1.0)
@@ -85,7 +82,7 @@ class FrameRenderer:
         seed: int = 0,
         device: DeviceLike = None,
         threads: int | None = None,
-        caster: Caster = "auto",
+        caster: CasterName = "auto",
     ) -> None:
         """Prepare to render.
 
@@ -190,12 +187,12 @@ class ImageBuffers:
     def __init__(self, images: Sequence[str], camera: ImageCamera, frames: int, *, pinned: bool = False) -> None:
         """Allocate memory for the images of `frames` frames."""
         shape = (frames, camera.height, camera.width)
-        self._arrays = {name: _page_aligned(shape, ALL_OUTPUTS[name], pinned) for name in images}
+        self._arrays = {name: _page_aligned(shape, pixel_type(name), pinned) for name in images}
 
     def first(self, frames: int) -> tuple[Views, dict[str, np.ndarray]]:
         """Return the first `frames` images twice: as Warp arrays for the renderer, and as NumPy arrays for formats."""
         views = {name: array if frames == len(array) else array[:frames] for name, array in self._arrays.items()}
-        return Views(**views), {name: array.numpy() for name, array in views.items()}
+        return as_views(views), {name: array.numpy() for name, array in views.items()}
 
 
 def frames_batch(frames: Frames, part: slice) -> Batch:
@@ -214,7 +211,7 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
 
 def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
     """Check names of outputs of a batch, and return them; `sensor` is None for exact depth."""
-    names = check_outputs(outputs, BATCH_OUTPUTS)
+    names = check_outputs(outputs, (*OUTPUTS, VISIBILITY))
     images = [name for name in names if _is_image(name)]
     if images:
         check_output_names(images, sensor)
@@ -243,7 +240,7 @@ def make_scene(scene: SceneSource, device: DeviceLike) -> Scene:
 
 def _is_image(output: str) -> TypeGuard[Output]:
     """Return whether an output is one of the renderer's images."""
-    return output in ALL_OUTPUTS
+    return output in OUTPUTS
 
 
 def _page_aligned(shape: tuple[int, ...], dtype: type, pinned: bool) -> wp.array:
@@ -271,7 +268,7 @@ def warmup(
     device: DeviceLike = "cpu",
     *,
     outputs: Sequence[str] = _EXACT_OUTPUTS,
-    casters: Sequence[Caster] = ("packets", "rays"),
+    casters: Sequence[CasterName] = ("packets", "rays"),
 ) -> float:
     """Compile and load the kernels that rendering on a device needs.
 

@@ -39,7 +39,7 @@ from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
-from warpvis.rendering import ALL_OUTPUTS, Caster, DepthSensor, check_word, require_sensor
+from warpvis.rendering import CasterName, DepthSensor, check_word, pixel_bytes, require_sensor
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import choose_objects
 
@@ -101,7 +101,7 @@ def render_batch(
     seed: int = 0,
     device: DeviceLike = None,
     threads: int | None = None,
-    caster: Caster = "auto",
+    caster: CasterName = "auto",
     engine: Engine = "local",
     workers: int | None = None,
     address: str | None = None,
@@ -162,7 +162,7 @@ def render_batch(
             "repair=True requires resume=True, because it renders damaged parts of an existing dataset again"
         )
     _check_engine(engine, threads, workers, address)
-    check_choice(caster, "caster", get_args(Caster))
+    check_choice(caster, "caster", get_args(CasterName))
     if source is not None and not isinstance(source, str):
         raise ArrayError(f"source must be a text, got {type(source).__name__}")
     if source is None and isinstance(scene, str | os.PathLike):
@@ -314,9 +314,7 @@ def _place_objects(scene: Scene, frames: Frames) -> Frames:
 def _shard_frames(shard_frames: int | None, outputs: Sequence[str], camera: ImageCamera, *, masks: int) -> int:
     """Return the given number of frames per shard, or as many as fit with `masks` masks into the default size."""
     if shard_frames is None:
-        import warp as wp
-
-        pixel = masks + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in outputs if name in ALL_OUTPUTS)
+        pixel = masks + pixel_bytes([name for name in outputs if name != VISIBILITY])
         return max(1, min(_MAX_SHARD_FRAMES, _SHARD_BYTES // max(1, pixel * camera.width * camera.height)))
     return check_whole(shard_frames, "shard_frames")
 

@@ -21,7 +21,7 @@ from warpvis.core.threads import check_threads
 
 if TYPE_CHECKING:
     from warpvis.core.types import DeviceLike
-    from warpvis.rendering import Caster
+    from warpvis.rendering import CasterName
     from warpvis.scene import Scene
 
 _MAX_WRITERS = 8
@@ -43,7 +43,7 @@ class Job:
     scene: Scene
     format: str
     out: str
-    caster: Caster = "auto"
+    caster: CasterName = "auto"
 
 
 Run = Callable[[Job, Sequence[int], Done], None]

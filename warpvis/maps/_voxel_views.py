@@ -28,7 +28,7 @@ from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.maps._floor_map import ground_bits, read_classes
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, check_same_ground, require_map
-from warpvis.rendering import Renderer, ray_table
+from warpvis.rendering import Renderer, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -286,7 +286,7 @@ def add_lens_views(
     from warpvis.kernels.maps import lens_voxels as kernels
 
     device, lens = target.states.device, camera.device_struct()
-    table = ray_table(camera, device)
+    table = rays_on_device(camera, device)
     launch_images(
         kernels.mark_surface_rays,
         depth.shape,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -39,9 +40,9 @@ from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
 from warpvis.rendering import (
     DepthSensor,
     Fill,
-    FreeList,
     NearPlane,
     Output,
+    Pool,
     Views,
     check_output_names,
     view_numbers,
@@ -153,7 +154,7 @@ class BatchRenderer:
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._renderers: dict[PlanarCamera, GeomRenderer] = {}
-        self._free_workplaces = FreeList[Workplace](_MAX_PLACES)
+        self._free_workplaces = Pool(_MAX_PLACES)
 
     @property
     def scene(self) -> Scene:
@@ -231,7 +232,7 @@ class BatchRenderer:
         # Work on another stream may still use the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
-        place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
+        place = self._free_workplaces.take(key, partial(Workplace.of, self.mujoco_scene, chosen, indices))
         fovy = self._place(place, poses, models, rows)
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)

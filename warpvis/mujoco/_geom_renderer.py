@@ -22,17 +22,16 @@ from warpvis.core.types import PoseLike
 from warpvis.kernels.constants import SOLID_WORDS
 from warpvis.mujoco._coinciding import Pairs, find_pairs
 from warpvis.mujoco._model_fields import shape_bodies
-from warpvis.rendering import FreeList, Renderer, Views
+from warpvis.rendering import Renderer, Views
+from warpvis.rendering.casters import Caster, CastOptions, ImagesByName, Scratch, ViewBatch
 from warpvis.scene import Scene, SceneObject
-from warpvis.scene.worlds import parse_worlds, pose_columns
+from warpvis.scene.worlds import pose_columns
 
 if TYPE_CHECKING:
-    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.kernels.mujoco.coinciding import Coinciding
 
-_DEPTH, _LABELS, _SEGMENTATION, _FACES = 0, 3, 4, 5  # in the order of the casters' images
+_OF_OBJECTS = {"labels", "segmentation", "faces"}
 _BOX_MARGIN = 2e-5  # relative: boxes are computed from poses and corners in single precision
-_MAX_SCRATCH = 4  # number of image sizes whose scratch memory is cached
 
 
 class CoincidingGeoms:
@@ -155,76 +154,70 @@ class GeomRenderer(Renderer):
         out: Views | None = None,
     ) -> Views:
         """Render as `render` does, with sizes as in `warpvis.kernels.casting.worlds.Worlds`."""
-        poses = self._caster.parse_poses(camera_to_world, "opencv")
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
+        views = self._parse(camera_to_world, object_poses, "opencv", world_index, exclude, None)
         if object_sizes is not None:
-            worlds.object_sizes = object_sizes
-        return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
+            views.worlds.object_sizes = object_sizes
+        self._number(views, frame, view_index)
+        return self._render(views, out)
 
     def __init__(self, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         self._coinciding = coinciding
         super().__init__(scene, camera, **options)
 
-    def _make_plain_caster(self, camera: AnyCamera) -> Any:
-        caster, cull = super()._make_plain_caster(camera), bool(self._options["cull_backfaces"])
-        return _LaterWins(caster, self.scene, camera, self._coinciding, cull, self.threads)
+    def _make_caster(self, camera: AnyCamera) -> Caster:
+        assert isinstance(camera, PlanarCamera)  # MuJoCo's cameras are neither lenses nor lidars
+        return _LaterWins(super()._make_caster(camera), self.scene, camera, self._coinciding, self._options)
 
 
 class _LaterWins:
     """A caster, followed by a correction pass for pixels where surfaces coincide."""
 
     def __init__(
-        self, caster: Any, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, cull: bool, threads: int
+        self, caster: Caster, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, options: CastOptions
     ) -> None:
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
-        self._cull_backfaces, self._threads = cull, threads
-        self._free_images = FreeList[wp.array](_MAX_SCRATCH)
+        self._options = options
 
     def parse_poses(self, poses: PoseLike, convention: Convention) -> Any:
         """Check poses and return them in the caster's format."""
         return self._caster.parse_poses(poses, convention)
 
-    def cast(self, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
-        needs_objects = any(images[place] is not None for place in (_LABELS, _SEGMENTATION, _FACES))
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Write images of all views; coinciding objects are not corrected at image points, which sensors read."""
+        needs_objects = views.pixels is None and not _OF_OBJECTS.isdisjoint(images)
         coinciding = self._coinciding.find() if needs_objects else None
         if coinciding is None:
-            self._caster.cast(poses, worlds, images)
+            self._caster.cast(views, images)
             return
-        device, shape = self._scene.device, (len(poses), self._camera.height, self._camera.width)
-        stream = None if device.is_cpu else device.stream.cuda_stream  # work on another one may still use the memory
-        images, borrowed = list(images), {}
-        for place, dtype in ((_DEPTH, wp.float32), (_SEGMENTATION, wp.int32)):
-            if images[place] is None:
-                image = self._free_images.take((place, shape, stream))
-                image = wp.empty(shape, dtype=dtype, device=device) if image is None else image
-                images[place] = borrowed[place] = image
-        self._caster.cast(poses, worlds, images)
-        self._correct(coinciding, poses, worlds, images)
-        for place, image in borrowed.items():
-            self._free_images.give_back((place, shape, stream), image)
+        device, shape = self._scene.device, next(iter(images.values())).shape
 
-    def cast_at(self, poses: Any, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Write images through image points, as sensors do; coinciding objects are not corrected."""
-        self._caster.cast_at(poses, worlds, pixels, images)
+        def cast(scratch: Scratch) -> None:
+            lacking = {"depth": wp.float32, "segmentation": wp.int32}.items()
+            needed = {name: scratch.array(name, shape, dtype) for name, dtype in lacking if name not in images}
+            self._caster.cast(views, {**images, **needed})
+            self._correct(coinciding, views, {**images, **needed})
 
-    def _correct(self, coinciding: Coinciding, poses: Any, worlds: Worlds, images: list[wp.array | None]) -> None:
-        if isinstance(poses, np.ndarray):
-            rows = np.ascontiguousarray(poses, dtype=np.float32)
-            device = self._scene.device
-            poses = wp.array(rows, dtype=wp.transform, shape=(len(rows),), device=device, copy=not device.is_cpu)
-        depth, labels, segmentation, faces = (images[place] for place in (_DEPTH, _LABELS, _SEGMENTATION, _FACES))
-        assert segmentation is not None
-        camera = self._camera.device_struct()
+        if device.is_cuda and device.is_capturing:  # a captured graph must not share its memory
+            cast(Scratch(device))
+        else:
+            self._options.pool.use((self, shape, device.is_cuda and device.stream), lambda: Scratch(device), cast)
+
+    def _correct(self, coinciding: Coinciding, views: ViewBatch, images: ImagesByName) -> None:
+        poses, camera, segmentation = (
+            views.poses_on(self._scene.device),
+            self._camera.device_struct(),
+            images["segmentation"],
+        )
         # On the CPU a thread processes a row, because starting a thread takes longer than most pixels.
         span = segmentation.shape[2] if self._scene.device.is_cpu else 1
-        inputs = [worlds, depth, self._cull_backfaces, span, segmentation, labels, faces]
+        optional = images.get("labels"), images.get("faces")
+        inputs = [views.worlds, images["depth"], self._options.cull_backfaces, span, segmentation, *optional]
         launch_images(
             self._kernel(),
             segmentation.shape,
             lambda window: [coinciding, camera, poses, window, *inputs],
             device=self._scene.device,
-            threads=self._threads,
+            threads=self._options.threads,
             span=span,
         )
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from types import MappingProxyType
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -20,7 +21,7 @@ from warpvis.mujoco._geoms import initial_poses
 from warpvis.mujoco._poses import PoseSource, WorldPoses, pose_shapes
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.mujoco._world_models import WorldModels
-from warpvis.rendering import FreeList
+from warpvis.rendering import Pool
 
 _FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 # Static geoms have moved if their poses differ by more than single-precision rounding [m, or unitless].
@@ -41,7 +42,7 @@ class Kinematics:
             raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         self._model = model
         self._threads = check_threads(threads)
-        self._free = FreeList[mujoco.MjData](1)
+        self._free = Pool(1)
 
     def from_qpos(
         self,
@@ -110,8 +111,9 @@ class Kinematics:
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
-        free = [None if changes else self._free.take(None) for _ in parts]
-        data_of_threads = [data or mujoco.MjData(own) for data, own in zip(free, models, strict=True)]
+        data_of_threads = [
+            mujoco.MjData(own) if changes else self._free.take(None, partial(mujoco.MjData, own)) for own in models
+        ]
 
         def work(index: int) -> None:
             thread_model, data = models[index], data_of_threads[index]

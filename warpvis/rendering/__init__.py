@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from warpvis.core.outputs import OUTPUTS, OutputSpec
 from warpvis.rendering._along import render_along as render_along
 from warpvis.rendering._blindness import (
     seen_objects as seen_objects,
@@ -14,13 +15,14 @@ from warpvis.rendering._blindness import (
     warn_of_units as warn_of_units,
 )
 from warpvis.rendering._choices import (
-    Caster,
+    CasterName,
     Fill,
     NearPlane,
     Output,
     check_fill as check_fill,
     check_output_names as check_output_names,
 )
+from warpvis.rendering._computed import Frame, register_output
 from warpvis.rendering._depth_kernels import (
     launch_back_project as launch_back_project,
     launch_classify as launch_classify,
@@ -32,29 +34,31 @@ from warpvis.rendering._depth_sensor import (
     TakesLens as TakesLens,
     require_sensor as require_sensor,
 )
-from warpvis.rendering._moving import parse_sensor as parse_sensor
 from warpvis.rendering._panorama import render_wide
-from warpvis.rendering._prepared import FreeList as FreeList
 from warpvis.rendering._renderer import Renderer as Renderer, render as render
 from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
 from warpvis.rendering._views import (
-    ALL_OUTPUTS as ALL_OUTPUTS,
-    OUTPUTS,
-    SENSOR_OUTPUTS,
     Views as Views,
+    as_views as as_views,
     check_outputs as check_outputs,
+    pixel_bytes as pixel_bytes,
+    pixel_type as pixel_type,
     views_for as views_for,
 )
-from warpvis.rendering.casters import ray_table as ray_table
+from warpvis.rendering.casters.base import Pool as Pool
+from warpvis.rendering.casters.moving import parse_sensor as parse_sensor
+from warpvis.rendering.casters.rays import rays_on_device as rays_on_device
 
 __all__ = [
     "OUTPUTS",
-    "SENSOR_OUTPUTS",
-    "Caster",
+    "CasterName",
     "DepthSensor",
     "Exposure",
     "Fill",
+    "Frame",
     "NearPlane",
     "Output",
+    "OutputSpec",
+    "register_output",
     "render_wide",
 ]

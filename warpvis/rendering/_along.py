@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import warp as wp
 
 from warpvis.cameras.rays import RayCamera
-from warpvis.rendering._views import CAST_OUTPUTS, Views, views_for
-from warpvis.rendering.casters import RayTableCaster, as_rows
+from warpvis.rendering._views import Views, views_for
+from warpvis.rendering.casters.base import CastOptions, ViewBatch, as_image
+from warpvis.rendering.casters.rays import RayBundleCaster
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def render_along(
         The outputs, of shape ``(V, N)``, on the scene's device.
     """
     views = views_for(outputs, rays.shape, scene.device)
-    rows = [as_rows(getattr(views, name)) if name in outputs else None for name in CAST_OUTPUTS]
-    caster = RayTableCaster(scene, camera, cull_backfaces=False, clip_near=False, threads=threads)
-    caster.cast_along(caster.parse_poses(poses, "opencv"), worlds, as_rows(rays), rows)
+    images = {name: getattr(views, name) for name in outputs}
+    caster = RayBundleCaster(scene, camera, CastOptions(threads=threads))
+    caster.cast_along(ViewBatch(caster.parse_poses(poses, "opencv"), worlds), as_image(rays), images)
     return views

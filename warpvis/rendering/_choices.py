@@ -5,24 +5,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Literal
 
 import warp as wp
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import check_choice, check_number, check_whole
-from warpvis.core.outputs import Output
+from warpvis.core.outputs import OUTPUTS, SENSOR_NAMES, Output
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._cpu_ray_origins import CpuRayOriginsCaster
-from warpvis.rendering._cpu_remap import CpuRemapCaster
-from warpvis.rendering._cpu_table import CpuTablePacketsCaster
-from warpvis.rendering._cuda_packets import CudaPacketsCaster
-from warpvis.rendering._cuda_table import CudaTablePacketsCaster
-from warpvis.rendering._views import ALL_OUTPUTS, SENSOR_OUTPUTS, check_outputs
-from warpvis.rendering.casters import OrthographicCaster, RaysCaster, RayTableCaster
+from warpvis.rendering._views import check_outputs
 
-Caster = Literal["auto", "packets", "rays"]
+CasterName = Literal["auto", "packets", "rays"]
 """Method of casting rays: in packets, one by one, or the faster of the two."""
 Fill = Literal["inf", "far"] | float
 """Depth of pixels without a surface: infinite, the camera's `far`, or a number."""
@@ -41,14 +34,14 @@ def check_output_names(outputs: object, sensor: object) -> tuple[str, ...]:
     Raises:
         ArrayError: If there is no output, an unknown one, or an output of sensors without a sensor.
     """
-    names = check_outputs(outputs, ALL_OUTPUTS)
-    sensor_only = [name for name in names if name in SENSOR_OUTPUTS]
-    if sensor is None and sensor_only:
-        raise ArrayError(f"outputs must not contain {' and '.join(sensor_only)} without a sensor")
+    names = check_outputs(outputs, OUTPUTS)
+    sensor_only = () if sensor is not None else set(SENSOR_NAMES).intersection(names)
+    if sensor_only:
+        raise ArrayError(f"outputs must not contain {' and '.join(sorted(sensor_only))} without a sensor")
     return names
 
 
-def choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays"]:
+def choose_caster(caster: CasterName, camera: AnyCamera) -> Literal["packets", "rays"]:
     """Resolve the name of a caster for a camera.
 
     Raises:
@@ -62,34 +55,19 @@ def choose_caster(caster: Caster, camera: AnyCamera) -> Literal["packets", "rays
     return "packets" if caster == "auto" else caster
 
 
-def caster_class(
-    caster: Literal["packets", "rays"], camera: AnyCamera, device: wp.Device
-) -> Callable[..., RaysCaster | CpuRemapCaster | CpuTablePacketsCaster]:
-    """Return the class of the caster for a camera and a device."""
-    if camera.ray_model == "parallel":
-        return OrthographicCaster
-    if camera.ray_model == "table":
-        if caster == "rays":
-            return RayTableCaster
-        if not device.is_cpu:
-            return CudaTablePacketsCaster
-        return CpuTablePacketsCaster if camera.origins is None else CpuRayOriginsCaster
-    if caster == "rays":
-        return RaysCaster
-    return CpuRemapCaster if device.is_cpu else CudaPacketsCaster
-
-
 def fill_numbers(fill: Fill, camera: AnyCamera) -> tuple[float, float] | None:
     """Return the depths of empty pixels and of pixels that are too near; None for the infinities.
 
     Raises:
         ArrayError: If `fill` is invalid.
     """
+    if isinstance(fill, str) and fill == "inf":
+        return None
     fill = check_fill(fill)
     if isinstance(fill, str):
-        if fill == "far" and not math.isfinite(camera.far):
+        if not math.isfinite(camera.far):
             raise ArrayError('the camera\'s far must be finite for fill="far", got inf')
-        return None if fill == "inf" else (camera.far, camera.near)
+        return camera.far, camera.near
     return fill, fill
 
 

@@ -12,7 +12,7 @@ import warp as wp
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.core.types import KernelArguments
-from warpvis.rendering.casters import ray_table
+from warpvis.rendering.casters.rays import rays_on_device
 
 if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
@@ -85,7 +85,7 @@ def _launch_camera(
     """Launch the kernel for pinhole cameras or the one for ray tables."""
     pinhole_kernel, rays_kernel = kernels
     struct = camera.device_struct()
-    rays = [ray_table(camera, depth.device)] if camera.ray_model == "table" else []
+    rays = [rays_on_device(camera, depth.device)] if camera.ray_model == "table" else []
 
     def arguments(window: Window) -> KernelArguments:
         return [struct, poses, window, *rays, depth, *inputs]

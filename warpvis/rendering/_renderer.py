@@ -6,17 +6,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, get_args
+from functools import partial
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.pinhole import require_camera
 from warpvis.core.arrays import as_warp, count_axes
 from warpvis.core.checks import check_choice, check_flag
 from warpvis.core.motion import Motion
+from warpvis.core.outputs import CAST, OUTPUTS
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
@@ -25,30 +26,27 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._blindness import find_blind, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.rendering._choices import (
     DEFAULT_OUTPUTS,
-    Caster,
+    CasterName,
     Fill,
     NearPlane,
     Output,
-    caster_class,
     check_device_bytes,
     check_output_names,
     choose_caster,
     fill_numbers,
 )
+from warpvis.rendering._computed import Frame, compute_output, needs_of
 from warpvis.rendering._depth_sensor import DepthSensor
-from warpvis.rendering._moving import MovingCaster, MovingPoses
-from warpvis.rendering._prepared import CheckedImages
 from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
-from warpvis.rendering._shading import ShadingCaster, extra_bytes
-from warpvis.rendering._views import ALL_OUTPUTS, COLOR_OUTPUTS, OUTPUTS, Views, views_for
-from warpvis.rendering.casters import as_images, as_rows
+from warpvis.rendering._views import CheckedImages, Views, pixel_bytes, pixel_type, views_for
+from warpvis.rendering.casters import Caster, CastOptions, ViewBatch, make_caster
+from warpvis.rendering.casters.base import ImagesByName, Scratch, as_image
+from warpvis.rendering.casters.moving import MovingCaster, MovingPoses
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.worlds import parse_worlds, part_of
+from warpvis.scene.worlds import parse_worlds
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
-
-_Numbers = NDArray[np.int64] | None
 
 
 class Renderer:
@@ -69,7 +67,7 @@ class Renderer:
         camera: AnyCamera,
         *,
         outputs: Sequence[Output] = DEFAULT_OUTPUTS,
-        caster: Caster = "auto",
+        caster: CasterName = "auto",
         cull_backfaces: bool = False,
         near_plane: NearPlane = "occlude",
         fill: Fill = "inf",
@@ -115,6 +113,7 @@ class Renderer:
             require_camera(camera)
         self.scene = scene
         self.camera = camera
+        self.sensor = sensor
         self.outputs = check_output_names(outputs, sensor)
         self.threads = check_threads(threads)
         self.caster = choose_caster(caster, camera)
@@ -123,35 +122,22 @@ class Renderer:
         self._fill = fill_numbers(fill, camera)
         self._shape = camera.shape
         self._checked = CheckedImages()
-        self._options: dict[str, Any] = {
-            "cull_backfaces": check_flag(cull_backfaces, "cull_backfaces"),
-            "clip_near": check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip",
-            "threads": self.threads,
-        }
-        self.sensor = sensor
+        self._options = CastOptions(
+            check_flag(cull_backfaces, "cull_backfaces"),
+            check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip",
+            self.threads,
+        )
         self.seed = check_word(seed, "seed")
-        self._sensing = None if sensor is None else self._prepare(sensor)
-        self._caster = self._make_caster(camera if self._sensing is None else self._sensing.clean_camera)
+        self._sensing: Sensing | None = None
+        if sensor is not None:
+            self._sensing = Sensing(sensor, scene, camera, self._make_caster, self._options, self.seed)
+        self._exact_camera = camera if self._sensing is None else self._sensing.clean_camera
+        self._caster = self._make_caster(self._exact_camera)
         self._only_packets = caster == "packets"
         self._moving: MovingCaster | None = None
 
-    def _prepare(self, sensor: DepthSensor) -> Sensing:
-        clip_near, threads = self._options["clip_near"], self.threads
-        return Sensing(
-            sensor, self.scene, self.camera, self._make_caster, seed=self.seed, clip_near=clip_near, threads=threads
-        )
-
-    @property
-    def _has_colors(self) -> bool:
-        return not COLOR_OUTPUTS.keys().isdisjoint(self.outputs)
-
-    def _make_caster(self, camera: AnyCamera) -> Any:
-        caster = self._make_plain_caster(camera)
-        return ShadingCaster(caster, self.scene, camera, threads=self.threads) if self._has_colors else caster
-
-    def _make_plain_caster(self, camera: AnyCamera) -> Any:
-        """Make a caster without colors, whose outputs are shaded to obtain colors."""
-        return caster_class(self.caster, camera, self.scene.device)(self.scene, camera, **self._options)
+    def _make_caster(self, camera: AnyCamera) -> Caster:
+        return make_caster(self.caster, self.scene, camera, self._options)
 
     def render(
         self,
@@ -210,76 +196,135 @@ class Renderer:
             SceneError: If the scene is empty, or contains no object of a name in `exclude`.
             CameraError: If a `Motion` is given and the camera's rays have no times, or there is a sensor.
         """
-        if not isinstance(camera_to_world, Motion):
-            camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-        if not isinstance(object_poses, Motion):
-            object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+        options = world_index, exclude, object_scales
+        if not isinstance(quaternion, str) or quaternion != "xyzw":
+            if not isinstance(camera_to_world, Motion):
+                camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+            if not isinstance(object_poses, Motion):
+                object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         if isinstance(camera_to_world, Motion) or isinstance(object_poses, Motion):
-            options = world_index, exclude, object_scales
-            moving = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
-            return self._render(*moving, self._number(len(moving[0]), frame, view_index), out)
+            views = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
+        else:
+            views = self._parse(camera_to_world, object_poses, convention, *options)
+        self._number(views, frame, view_index)
+        return self._render(views, out)
+
+    def _parse(
+        self,
+        camera_to_world: PoseLike,
+        object_poses: ObjectPoses,
+        convention: Convention | None,
+        world_index: ArrayInput | None,
+        exclude: Excluded,
+        object_scales: ObjectScales,
+    ) -> ViewBatch:
+        """Check the poses and worlds of a call."""
         poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
         worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
-        return self._render(poses, worlds, self._number(len(poses), frame, view_index), out)
+        return ViewBatch(poses, worlds)
 
-    def _number(self, views: int, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> _Numbers:
-        """Return the number and frame of each view, which seed a sensor's random numbers; None without a sensor."""
-        if self._sensing is None:
-            if frame is not None or view_index is not None:
-                raise ArrayError(
-                    "frame and view_index must be None without a sensor, since they seed its random numbers"
-                )
-            return None
-        numbers = view_numbers(views, self.frame if frame is None else frame, view_index)
-        if frame is None:
-            self.frame += 1
-        return numbers
+    def _number(self, views: ViewBatch, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> None:
+        """Set the number and frame of each view, which seed a sensor's random numbers."""
+        if self._sensing is not None:
+            views.numbers = view_numbers(len(views), self.frame if frame is None else frame, view_index)
+            self.frame += frame is None
+        elif frame is not None or view_index is not None:
+            raise ArrayError("frame and view_index must be None without a sensor, since they seed its random numbers")
 
-    def _render(self, poses: Any, worlds: Worlds, numbers: _Numbers, out: Views | None) -> Views:
-        """Render views, given poses in the caster's format."""
-        shape = (len(poses), *self._shape)
-        known = None if out is None else self._checked.find(out, shape, self.outputs)
-        if out is not None and known is not None:
-            return self._cast_into(out, known, poses, worlds, numbers)
+    def _render(self, views: ViewBatch, out: Views | None) -> Views:
+        """Render checked views into new images, or into `out`."""
+        shape, device = (len(views), *self._shape), self.scene.device
+        images = None if out is None else self._checked.find(out, shape, self.outputs)
+        if out is not None and images is not None:
+            self._run(views, images)
+            return out
         if self._on_host(shape, out):
-            views = views_for(self.outputs, shape, wp.get_device("cpu"), out)
-            self._cast_in_parts(poses, worlds, numbers, self._asked_for(views))
-            return views
-        views = views_for(self.outputs, shape, self.scene.device, out)
-        images = self._asked_for(views)
+            result = views_for(self.outputs, shape, wp.get_device("cpu"), out)
+            self._run_in_parts(views, self._images_of(result))
+            return result
+        result = views_for(self.outputs, shape, device, out)
+        images = self._images_of(result)
         if out is not None:
             self._checked.record(images, shape, self.outputs)
-        return self._cast_into(views, images, poses, worlds, numbers)
+        self._run(views, images)
+        return result
 
-    def _cast_into(
-        self, views: Views, images: list[wp.array | None], poses: Any, worlds: Worlds, numbers: _Numbers
-    ) -> Views:
-        """Cast into checked images of `views` and return `views`."""
-        self._cast(poses, worlds, numbers, images)
-        self._fill_depth(views.depth)
-        return views
+    def _images_of(self, views: Views) -> dict[str, wp.array]:
+        """Return the requested images by name."""
+        return {name: getattr(views, name) for name in self.outputs}
 
-    def _cast(self, poses: Any, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
-        if self._sensing is not None:
-            assert numbers is not None  # for type checkers: a sensor always has numbers
-            self._sensing.expose(self._caster, poses, worlds, images, numbers)
+    def _run(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Run the stages of a call: cast, compute, measure, fill. Take memory for images that they need."""
+        device, lacking = self.scene.device, self._lacking()
+        to_upload = isinstance(views.poses, np.ndarray) and not device.is_cpu
+        if not lacking and not to_upload and self._sensing is None:
+            self._run_stages(images, views, images, None)
             return
-        caster = self._moving_caster() if isinstance(poses, MovingPoses) else self._caster
-        caster.cast(poses, worlds, images)
+        if device.is_cuda and device.is_capturing:  # a captured graph must not share its memory
+            self._run_with(lacking, views, images, Scratch(device))
+            return
+        kind = self._shape if views.pixels is None else views.pixels.shape, len(views), device.is_cuda and device.stream
+        run = partial(self._run_with, lacking, views, images)
+        self._options.pool.use(kind, lambda: Scratch(device), run)
+
+    def _lacking(self) -> set[str]:
+        """Return the images that the stages need and that were not requested; with a sensor, also exact points."""
+        outputs, needed = self.outputs, set[str]()
+        for name in outputs:
+            if OUTPUTS[name].stage == "compute":
+                needed.update(needs_of(name, self.scene))
+        if self._sensing is not None:
+            exact = {"exact points"} if "points" in needed else set()
+            needed = (needed - {"points"}) | exact | set(self._sensing.needs)
+        return needed.difference(outputs)
+
+    def _run_with(self, lacking: set[str], views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
+        """Run the stages with memory for images that were not requested."""
+        device = self.scene.device
+        if isinstance(views.poses, np.ndarray) and device.is_cuda and not device.is_capturing:
+            views.upload(scratch)
+        shape = (len(views), *self._shape) if views.pixels is None else next(iter(images.values())).shape
+        memory = {name: scratch.array(name, shape, pixel_type(name.removeprefix("exact "))) for name in lacking}
+        self._run_stages({**images, **memory}, views, images, scratch)
+
+    def _run_stages(self, every: ImagesByName, views: ViewBatch, images: ImagesByName, scratch: Scratch | None) -> None:
+        """Cast, compute, measure and fill.
+
+        Args:
+            every: Images that the stages read or write, by name.
+            views: The views.
+            images: The requested images.
+            scratch: Memory for further images; None if there is no sensor.
+        """
+        exact = every
+        if self._sensing is not None:  # casters write the exact depth, and exact points only if colors need them
+            exact = {**every, "depth": every["true_depth"], "points": every.get("exact points")}
+        caster = self._moving_caster() if isinstance(views.poses, MovingPoses) else self._caster
+        caster.cast(views, {name: exact[name] for name in CAST if exact.get(name) is not None})
+        computed = [name for name in images if OUTPUTS[name].stage == "compute"]
+        if computed:
+            poses = views.poses_on(self.scene.device)
+            frame = Frame(self.scene, self._exact_camera, poses, views.worlds, exact, self.threads)
+            for name in computed:
+                compute_output(name, frame, images[name])
+        if self._sensing is not None and scratch is not None:
+            self._sensing.measure(views, every, scratch)
+        if self._fill is not None and "depth" in images:
+            self._fill_depth(images["depth"], *self._fill)
 
     def _moving_caster(self) -> MovingCaster:
         """Return the caster for motions, which is made at first use."""
         if self._sensing is not None:
             raise CameraError("sensor must be None for a Motion: sensor models do not support motion within a frame")
-        if self._has_colors:
+        if any(OUTPUTS[name].stage == "compute" for name in self.outputs):
             raise CameraError(
                 "outputs must not contain colors for a Motion: shading does not support motion within a frame"
             )
         if self._only_packets:
             raise CameraError('caster must be "rays" or "auto" for a Motion, got "packets"')
         if self._moving is None:
-            self._moving = MovingCaster(self.scene, self.camera, **self._options)
+            self._moving = MovingCaster(self.scene, self.camera, self._options)
         return self._moving
 
     def render_at(
@@ -325,37 +370,30 @@ class Renderer:
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
-        device = self.scene.device
-        poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
+        views = self._parse(camera_to_world, object_poses, convention, world_index, exclude, object_scales)
         axes = ("Y", "X") if count_axes(pixels, wp.vec2) == 3 else ("N",)
-        points = as_warp(pixels, wp.vec2, (len(poses), *axes), name="pixels", device=device)
-        views = views_for(self.outputs, points.shape, device, out)
-        images = as_images(self._asked_for(views))
-        self._caster.cast_at(poses, worlds, points if points.ndim == 3 else as_rows(points), images)
-        self._fill_depth(images[0])
-        return views
+        points = as_warp(pixels, wp.vec2, (len(views), *axes), name="pixels", device=self.scene.device)
+        views.pixels = as_image(points)
+        result = views_for(self.outputs, points.shape, self.scene.device, out)
+        self._run(views, self._images_of(result))
+        return result
 
     def render_parsed(self, poses: wp.array, worlds: Worlds, *, out: Views | None = None) -> Views:
         """Render parsed poses and worlds, the results of `parse_poses` and `parse_worlds`: `render` for internal use.
 
         The images stay on the scene's device, whatever their size.
         """
-        shape = (len(poses), *self._shape)
-        views = views_for(self.outputs, shape, self.scene.device, out)
-        numbers = self._number(len(poses), None, None)
-        self._cast(self._caster.parse_poses(poses, "opencv"), worlds, numbers, self._asked_for(views))
-        self._fill_depth(views.depth)
-        return views
+        views = ViewBatch(self._caster.parse_poses(poses, "opencv"), worlds)
+        self._number(views, None, None)
+        result = views_for(self.outputs, (len(poses), *self._shape), self.scene.device, out)
+        self._run(views, self._images_of(result))
+        return result
 
-    def _fill_depth(self, depth: wp.array | None) -> None:
-        """Replace invalid depths according to `fill`, if depth was requested and `fill` is not ``"inf"``."""
-        if self._fill is None or "depth" not in self.outputs or depth is None:
-            return
+    def _fill_depth(self, depth: wp.array, empty: float, too_near: float) -> None:
+        """Replace depths that are not finite."""
         from warpvis.kernels.casting.images import fill_depth
 
-        depth = depth if depth.ndim == 3 else as_rows(depth)
-        empty, too_near = self._fill
+        depth = as_image(depth)
         launch_images(
             fill_depth,
             depth.shape,
@@ -374,31 +412,22 @@ class Renderer:
         return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
 
     def _bytes_per_pixel(self) -> int:
-        extra = 0 if self._sensing is None else self._sensing.bytes_per_pixel(self.outputs)
-        if self._has_colors:
-            extra += extra_bytes(self.outputs)
-        return extra + sum(wp.types.type_size_in_bytes(ALL_OUTPUTS[name]) for name in self.outputs)
+        lacking = [name.removeprefix("exact ") for name in self._lacking()]
+        extra = 0 if self.sensor is None else self.sensor.bytes_per_pixel
+        return extra + pixel_bytes([*self.outputs, *lacking])
 
-    def _cast_in_parts(self, poses: wp.array, worlds: Worlds, numbers: _Numbers, images: list[wp.array | None]) -> None:
-        """Cast as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
-        pixels = math.prod(self._shape)
-        step = min(len(poses), max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
-        views = views_for(self.outputs, (step, *self._shape), self.scene.device)
-        for first in range(0, len(poses), max(1, step)):
-            part = slice(first, min(first + step, len(poses)))
-            sources = [None if image is None else image[: part.stop - first] for image in self._asked_for(views)]
-            part_numbers = None if numbers is None else numbers[part]
-            self._cast(poses[part], part_of(worlds, part), part_numbers, sources)
-            self._fill_depth(sources[0])
-            for image, source in zip(images, sources, strict=True):
-                if image is not None:
-                    wp.copy(image[part], source)
+    def _run_in_parts(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Render as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
+        count, pixels = len(views), math.prod(self._shape)
+        step = min(count, max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
+        buffers = self._images_of(views_for(self.outputs, (step, *self._shape), self.scene.device))
+        for first in range(0, count, max(1, step)):
+            part = slice(first, min(first + step, count))
+            sources = {name: buffer[: part.stop - first] for name, buffer in buffers.items()}
+            self._run(views.part(part), sources)
+            for name, source in sources.items():
+                wp.copy(images[name][part], source)
         wp.synchronize_stream(self.scene.device.stream)
-
-    def _asked_for(self, views: Views) -> list[wp.array | None]:
-        """List the images in the casters' order; None for images not requested, even if `views` has them."""
-        outputs, known = self.outputs, OUTPUTS if self._sensing is None else ALL_OUTPUTS
-        return [getattr(views, name) if name in outputs else None for name in known]
 
 
 def render(
@@ -407,7 +436,7 @@ def render(
     camera_to_world: PoseLike | Motion,
     *,
     outputs: Sequence[Output] = DEFAULT_OUTPUTS,
-    caster: Caster = "auto",
+    caster: CasterName = "auto",
     cull_backfaces: bool = False,
     near_plane: NearPlane = "occlude",
     fill: Fill = "inf",

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import weakref
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,31 +14,33 @@ import warp as wp
 
 from warpvis.core.arrays import check_out, empty
 from warpvis.core.checks import as_items
+from warpvis.core.outputs import OUTPUTS, OutputSpec
 from warpvis.errors import ArrayError
 
-CAST_OUTPUTS: dict[str, type] = {
-    "depth": wp.float32,
-    "points": wp.vec3,
-    "normals": wp.vec3,
-    "labels": wp.uint8,
-    "segmentation": wp.int32,
-    "faces": wp.int32,
+_PIXEL_TYPES = {
+    ("float32", 0): wp.float32,
+    ("float32", 3): wp.vec3,
+    ("int32", 0): wp.int32,
+    ("uint8", 0): wp.uint8,
+    ("uint8", 3): wp.vec3ub,
 }
-"""Images that casters render, and the dtypes of their pixels."""
+"""Warp's types of pixels, by the dtype of a component and the number of components of a vector."""
 
-COLOR_OUTPUTS: dict[str, type] = {"color": wp.vec3ub, "albedo": wp.vec3ub}
-"""Images that are computed from the casters' images, and the dtypes of their pixels."""
 
-OUTPUTS = CAST_OUTPUTS | COLOR_OUTPUTS
-"""All images that can be rendered without a sensor, and the dtypes of their pixels."""
+def pixel_type(name: str) -> type:
+    """Return Warp's type of the pixels of an output."""
+    spec = OUTPUTS[name]
+    return _PIXEL_TYPES[spec.dtype, len(spec.components)]
 
-_FACES = list(OUTPUTS).index("faces")
 
-SENSOR_OUTPUTS: dict[str, type] = {"reasons": wp.uint8, "true_depth": wp.float32}
-"""Additional images of sensor models, and the dtypes of their pixels."""
+def is_pixel_type(spec: OutputSpec) -> bool:
+    """Return whether pixels of a dtype and a number of components are supported."""
+    return (spec.dtype, len(spec.components)) in _PIXEL_TYPES
 
-ALL_OUTPUTS = OUTPUTS | SENSOR_OUTPUTS
-"""All images that can be rendered, and the dtypes of their pixels."""
+
+def pixel_bytes(names: Collection[str]) -> int:
+    """Return the size of a pixel of some outputs, in total [bytes]."""
+    return sum(wp.types.type_size_in_bytes(pixel_type(name)) for name in names)
 
 
 @dataclass
@@ -78,32 +81,26 @@ class Views:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the images as host arrays, which support pickling and copying, unlike Warp's arrays."""
-        return {name: _on_host(name, value) for name, value in self.__dict__.items()}
+        return {
+            name: (np.array(value.numpy()), str(value.device)) if isinstance(value, wp.array) else value
+            for name, value in vars(self).items()
+        }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the images from host arrays; GPU images return to a GPU if there is one."""
-        self.__dict__ |= {name: _from_host(name, value) for name, value in state.items()}
+        for name, value in state.items():
+            if name in OUTPUTS and value is not None:
+                array, device = value
+                target = device if device == "cpu" or wp.is_cuda_available() else "cpu"
+                value = wp.array(array, dtype=pixel_type(name), device=target)
+            setattr(self, name, value)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Views:
         """Copy the images, on their device."""
-        copied = {
-            name: wp.clone(value) if name in ALL_OUTPUTS and value is not None else value
-            for name, value in vars(self).items()
-        }
-        return type(self)(**copied)
+        return as_views({n: wp.clone(v) if isinstance(v, wp.array) else v for n, v in vars(self).items()})
 
 
-def wants_ids(images: Sequence[wp.array | None]) -> bool:
-    """Return whether any of the casters' images needs object ids: all images except depth and points do."""
-    return any(image is not None for image in images[2 : len(CAST_OUTPUTS)])
-
-
-def wants_faces(images: Sequence[wp.array | None]) -> bool:
-    """Return whether faces are among the casters' images: a scene's trees contain face indices only on request."""
-    return images[_FACES] is not None
-
-
-def check_outputs(outputs: object, known: Collection[str] = OUTPUTS.keys()) -> tuple[str, ...]:
+def check_outputs(outputs: object, known: Collection[str]) -> tuple[str, ...]:
     """Return names of outputs without duplicates; a single name may be given without a sequence.
 
     Raises:
@@ -123,23 +120,47 @@ def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device,
         ArrayError: If `out` does not fit, or memory cannot be allocated.
     """
     if out is None:
-        return Views(**{name: empty(shape, ALL_OUTPUTS[name], name=name, device=device) for name in outputs})
+        return as_views({name: empty(shape, pixel_type(name), name=name, device=device) for name in outputs})
     if not isinstance(out, Views):
         raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
     for name in outputs:
-        check_out(getattr(out, name), ALL_OUTPUTS[name], shape, name=f"out.{name}", device=device)
+        check_out(getattr(out, name, None), pixel_type(name), shape, name=f"out.{name}", device=device)
     return out
 
 
-def _on_host(name: str, value: Any) -> Any:
-    if name not in ALL_OUTPUTS or value is None:
-        return value
-    return np.array(value.numpy()), str(value.device)
+def as_views(images: Mapping[str, wp.array]) -> Views:
+    """Return views of images by name, which may be outputs that users registered."""
+    views = Views()
+    vars(views).update(images)
+    return views
 
 
-def _from_host(name: str, value: Any) -> Any:
-    if name not in ALL_OUTPUTS or value is None:
-        return value
-    array, device = value
-    target = device if device == "cpu" or wp.is_cuda_available() else "cpu"
-    return wp.array(array, dtype=ALL_OUTPUTS[name], device=target)
+class CheckedImages:
+    """The images of the last `out` argument, which need not be checked again."""
+
+    def __init__(self) -> None:
+        """Create without images."""
+        self._shape: tuple[int, ...] = ()
+        self._outputs: tuple[str, ...] = ()
+        self._images: dict[str, Any] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy or pickle without images."""
+        return CheckedImages, ()
+
+    def find(self, out: Views, shape: tuple[int, ...], outputs: tuple[str, ...]) -> dict[str, wp.array] | None:
+        """Return the images of `out` by name if they are those of the last call, else None."""
+        if shape != self._shape or outputs is not self._outputs or not isinstance(out, Views):
+            return None
+        images = {}
+        for name, last in self._images.items():
+            image = getattr(out, name)
+            if image is None or image is not last():
+                return None
+            images[name] = image
+        return images
+
+    def record(self, images: dict[str, wp.array], shape: tuple[int, ...], outputs: tuple[str, ...]) -> None:
+        """Record checked images without keeping them alive."""
+        self._shape, self._outputs = shape, outputs
+        self._images = {name: weakref.ref(image) for name, image in images.items()}

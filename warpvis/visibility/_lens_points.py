@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
-from warpvis.rendering import Caster, Output, Renderer, render_along
+from warpvis.rendering import CasterName, Output, Renderer, render_along
 from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of
 
@@ -81,7 +81,7 @@ def judge_in_scene(
     tolerance: float,
     *,
     occluders: bool,
-    caster: Caster,
+    caster: CasterName,
     threads: int | None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32] | None]:
     """Compute the visibility of points in a scene, and their occluders; see `warpvis.point_visibility`."""

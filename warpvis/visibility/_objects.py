@@ -22,7 +22,7 @@ from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering import Caster, Output, Renderer, Views, seen_objects, warn_of_eyes_inside, warn_of_units
+from warpvis.rendering import CasterName, Output, Renderer, Views, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 from warpvis.visibility._silhouettes import SilhouetteCounter
@@ -96,7 +96,7 @@ def object_visibility(
     exclude: Excluded = None,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
-    caster: Caster = "auto",
+    caster: CasterName = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
     """Measure objects in many views: visible pixels, silhouettes, fractions, boxes, masks and reasons of invisibility.
@@ -174,7 +174,7 @@ def see_objects(
     exclude: Excluded = None,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
-    caster: Caster = "auto",
+    caster: CasterName = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
     """Implement `object_visibility` without warnings about unusual arguments."""

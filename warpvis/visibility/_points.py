@@ -18,7 +18,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_po
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.rendering import Caster, Output, Renderer, Views
+from warpvis.rendering import CasterName, Output, Renderer, Views
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._lens_points import judge_in_images, judge_in_scene
@@ -38,7 +38,7 @@ def point_visibility(
     exclude: Excluded = None,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
-    caster: Caster = "auto",
+    caster: CasterName = "auto",
     threads: int | None = None,
 ) -> wp.array | tuple[wp.array, wp.array]:
     """Return whether points are visible, and if not, why, by casting a ray through each point.

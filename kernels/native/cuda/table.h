@@ -3,7 +3,7 @@
 //
 // Packets of a ray table, each rendered as a separate image: rotated, scaled and sheared so that adjacent rays pass
 // near the centers of adjacent pixels, one each, or rotated and scaled so that unordered rays fill it
-// (warpvis/rendering/_ray_packets.py). All else is as in other packets.
+// (warpvis/rendering/casters/sorted_rays_cuda.py). All else is as in other packets.
 //
 // Rays may have distinct origins (ray_origins.h). Then each packet has its own eye.
 

@@ -4,18 +4,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import ChainMap
+from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
-import warp as wp
 
 from warpvis.cameras import as_pinhole
 from warpvis.cameras.pinhole import Camera
+from warpvis.core.outputs import OUTPUTS, VISIBILITY
 from warpvis.core.plugins import DATASET_FORMATS, load_plugin, plugin_names
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.rendering import ALL_OUTPUTS
 
 if TYPE_CHECKING:
     from warpvis.batch._job import Plan
@@ -30,13 +30,8 @@ Written = TypeVar("Written")
 FORMATS = ("npz", "zarr", "png", "tum", "bop", "nerfstudio", "colmap", "ply", "ros2")
 """Names of the formats: the modules of this package, imported on demand, and their classes."""
 
-VECTOR_IMAGES = tuple(name for name, dtype in ALL_OUTPUTS.items() if hasattr(dtype, "_shape_"))
-"""Images with three values per pixel."""
-
-IMAGE_DTYPES = {
-    name: np.dtype(wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))) for name, dtype in ALL_OUTPUTS.items()
-}
-"""Dtypes of images in a shard."""
+ANY_OUTPUT: ChainMap[str, Any] = ChainMap(OUTPUTS, {VISIBILITY: None})
+"""All outputs, for formats that support them all, including images that users register later."""
 
 VISIBILITY_ARRAYS = {
     "visible_fraction": ("float32", ()),
@@ -66,7 +61,7 @@ class Format:
 
     name: ClassVar[str]
     """Name of the format, as on the command line."""
-    outputs: ClassVar[frozenset[str]]
+    outputs: ClassVar[Collection[str]]
     """Supported outputs."""
     default_outputs: ClassVar[tuple[str, ...]]
     """Outputs that are written by default."""
@@ -106,8 +101,8 @@ class Format:
 
         Args:
             shard: Number of the shard.
-            images: Arrays of its n frames by name: images ``(n, H, W)`` or ``(n, H, W, 3)`` with the dtypes in
-                `IMAGE_DTYPES`, and `VISIBILITY_ARRAYS`. They are overwritten after the call.
+            images: Arrays of its n frames by name: images ``(n, H, W)`` or ``(n, H, W, 3)`` with the dtypes of
+                `warpvis.rendering.OUTPUTS`, and `VISIBILITY_ARRAYS`. They are overwritten after the call.
             files: Destination of the files.
 
         Returns:

@@ -7,13 +7,13 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import IMAGE_DTYPES, Format, Images
+from warpvis.batch.formats._base import ANY_OUTPUT, Format, Images
 from warpvis.batch.storage._output import ALIGNMENT, MIN_DIRECT
 from warpvis.cameras import ImageCamera, as_pinhole, opencv_intrinsics
 from warpvis.sensors import sensor_to_fields
@@ -37,7 +37,7 @@ class Npz(Format):
     """
 
     name: ClassVar[str] = "npz"
-    outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
+    outputs: ClassVar[Collection[str]] = ANY_OUTPUT
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
 
     def write_shard(self, shard: int, images: Images, files: ShardFiles) -> list[str]:

@@ -12,15 +12,16 @@ written directly from the memory to which they were rendered. zarr-python takes 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from warpvis.batch._job import Options, Plan, frame_arrays
-from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS, Format, Images
+from warpvis.batch.formats._base import ANY_OUTPUT, VISIBILITY_ARRAYS, Format, Images
 from warpvis.batch.storage._output import FilePart, files_below
 from warpvis.cameras import ImageCamera, as_pinhole, opencv_intrinsics
+from warpvis.core.outputs import OUTPUTS
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.sensors import Reason, sensor_to_fields
@@ -42,7 +43,7 @@ class Zarr(Format):
     """Arrays indexed ``[view, y, x]`` and ``[view, object]``, and arrays of poses and times."""
 
     name: ClassVar[str] = "zarr"
-    outputs: ClassVar[frozenset[str]] = frozenset([*IMAGE_DTYPES, "visibility"])
+    outputs: ClassVar[Collection[str]] = ANY_OUTPUT
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     library: ClassVar[str | None] = "zarr numcodecs"
     options: ClassVar[Mapping[str, str]] = {"compression": "none, zstd", "level": "1 to 22"}
@@ -61,7 +62,7 @@ class Zarr(Format):
         units = []
         for name, array in images.items():
             unit = f"{_GROUP}/{name}/c.{shard}" + ".0" * (array.ndim - 1)
-            if name in IMAGE_DTYPES:
+            if name in OUTPUTS:
                 files.write(unit, *self._sharded(array))
             else:
                 files.write(unit, _pad(array, self.plan.shard_frames))
@@ -101,7 +102,7 @@ class Zarr(Format):
         plan = self.plan
         group = zarr.create_group(files.folder / _GROUP, attributes=self._attributes(), overwrite=False)
         for name in plan.outputs:
-            if name in IMAGE_DTYPES:
+            if name in OUTPUTS:
                 self._create_image(group, name)
         if "visibility" in plan.outputs:
             self._create_visibility(group)
@@ -112,20 +113,19 @@ class Zarr(Format):
     def _create_image(self, group: zarr.Group, name: str) -> None:
         from zarr.codecs import ZstdCodec
 
-        plan = self.plan
-        vector = name in VECTOR_IMAGES
-        components = ("xyz" if IMAGE_DTYPES[name].kind == "f" else "rgb",) if vector else ()
-        image = (plan.camera.height, plan.camera.width, *((3,) if vector else ()))
+        plan, spec = self.plan, OUTPUTS[name]
+        vector = (len(spec.components),) if spec.components else ()
+        image = (plan.camera.height, plan.camera.width, *vector)
         group.create_array(
             name,
             shape=(len(plan.frames), *image),
             chunks=(1, *image),
             shards=(plan.shard_frames, *image),
-            dtype=IMAGE_DTYPES[name],
-            fill_value=_fill_value(name),
+            dtype=spec.dtype,
+            fill_value=spec.empty,
             chunk_key_encoding=_KEYS,
             compressors=None if self._level is None else ZstdCodec(level=self._level),
-            dimension_names=("view", "y", "x", *components),
+            dimension_names=("view", "y", "x", *([spec.components] if vector else [])),
         )
 
     def _create_visibility(self, group: zarr.Group) -> None:
@@ -164,13 +164,6 @@ class Zarr(Format):
         if "visibility" in plan.outputs:
             attributes["visibility_objects"] = [plan.object_names[index] for index in plan.chosen]
         return attributes
-
-
-def _fill_value(name: str) -> float:
-    """Return the value read for frames that have not been written."""
-    if name == "reasons":
-        return int(Reason.EMPTY)
-    return {"f": np.nan if name in VECTOR_IMAGES else np.inf, "i": -1, "u": 0}[IMAGE_DTYPES[name].kind]
 
 
 def _camera_attributes(camera: ImageCamera) -> dict[str, Json]:

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from warpvis.batch._manifest import MANIFEST, Contents, read_label_names, read_manifest
-from warpvis.batch.formats._base import IMAGE_DTYPES, VECTOR_IMAGES, VISIBILITY_ARRAYS
+from warpvis.batch.formats._base import VISIBILITY_ARRAYS
 from warpvis.batch.storage._stores import Store
 from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
+from warpvis.core.outputs import OUTPUTS
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
 
@@ -54,8 +55,10 @@ class Job:
         size = (self.camera.height, self.camera.width)
         specs = {}
         for name in self.outputs:
-            if name in IMAGE_DTYPES:
-                specs[name] = FrameSpec(IMAGE_DTYPES[name], (*size, 3) if name in VECTOR_IMAGES else size)
+            spec = OUTPUTS.get(name)
+            if spec is not None:
+                vector = (len(spec.components),) if spec.components else ()
+                specs[name] = FrameSpec(np.dtype(spec.dtype), (*size, *vector))
         if "visibility" in self.outputs:
             count = len(self.visibility_objects)
             for name, (dtype, last) in VISIBILITY_ARRAYS.items():

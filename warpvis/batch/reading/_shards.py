@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.formats._base import IMAGE_DTYPES
 from warpvis.batch.reading._job import Job
 from warpvis.batch.storage._stores import LocalStore, Store
 from warpvis.core.checks import describe_exception
+from warpvis.core.outputs import OUTPUTS
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
@@ -172,7 +172,7 @@ class ZarrReader(ShardReader):
         spec = self.specs[name]
         file = f"data.zarr/{name}/c.{shard}" + ".0" * len(spec.shape)
         data = self._files.bytes_of(file)
-        if name not in IMAGE_DTYPES:  # one chunk with all frames of the shard
+        if name not in OUTPUTS:  # one chunk with all frames of the shard
             size = spec.dtype.itemsize * int(np.prod(spec.shape))
             chunk = data[row * size : (row + 1) * size]
         else:

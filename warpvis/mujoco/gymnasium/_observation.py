@@ -18,6 +18,7 @@ from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import get_device
 from warpvis.core.checks import as_items, check_choice
+from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, CameraError, SceneError
@@ -27,7 +28,7 @@ from warpvis.mujoco._model_fields import shape_bodies, shape_count
 from warpvis.mujoco._renderer import Renderer as MujocoRenderer
 from warpvis.mujoco._scene import check_patterns, class_of_geoms, shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
-from warpvis.rendering import SENSOR_OUTPUTS, DepthSensor, Fill, Output, Renderer, check_fill, require_sensor
+from warpvis.rendering import DepthSensor, Fill, Output, Renderer, check_fill, require_sensor
 from warpvis.scene import Scene
 from warpvis.sensors import Reason
 
@@ -226,7 +227,7 @@ class Outputs:
             raise CameraError("camera must be one or more cameras, got none")
         self.shape = (check_size(height, "height"), check_size(width, "width"))
         self.sensor = None if sensor is None else require_sensor(sensor)
-        known = _NAMES if sensor is None else (*_NAMES, *SENSOR_OUTPUTS)
+        known = _NAMES if sensor is None else (*_NAMES, *SENSOR_NAMES)
         self.names = [check_choice(name, "outputs", known) for name in as_items(outputs, "outputs")]
         if not self.names or len(set(self.names)) < len(self.names):
             raise ArrayError(f"outputs must be one or more of {', '.join(known)}, each once, got {outputs!r}")

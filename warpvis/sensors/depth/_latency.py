@@ -15,7 +15,7 @@ from warpvis.core.checks import check_whole, is_number
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
-from warpvis.rendering import OUTPUTS as EXACT_OUTPUTS, SENSOR_OUTPUTS, Views, view_numbers, views_for
+from warpvis.rendering import Views, pixel_type, view_numbers, views_for
 
 _DELAYED = ("depth", "points", "reasons")
 _MAX_FRAMES = 1024
@@ -117,8 +117,7 @@ class Latency:
         """Return the ring buffers of images; allocate them in the first call."""
         shape, device = (self._max_delay + 1, *views.depth.shape), views.depth.device
         if not self._history:
-            dtypes = EXACT_OUTPUTS | SENSOR_OUTPUTS
-            self._history = {name: empty(shape, dtypes[name], name=name, device=device) for name in names}
+            self._history = {name: empty(shape, pixel_type(name), name=name, device=device) for name in names}
         stored = self._history["depth"]
         if stored.shape != shape or stored.device != device or set(names) != set(self._history):
             raise ArrayError(

@@ -16,9 +16,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering._ray_bundles import split_rays
-from warpvis.rendering._ray_eyes import find_eyes, group_rows
-from warpvis.rendering._ray_images import PacketImages, fit_grid, fit_points, middle_cosines
+from warpvis.rendering.casters.packet_images_cuda import PacketImages, fit_grid, fit_points, middle_cosines
+from warpvis.rendering.casters.ray_origins_cuda import find_eyes, group_rows
+from warpvis.rendering.casters.sorted_rays_cpu import split_rays
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.ray_bundle_packets_cuda import RayPackets

@@ -13,15 +13,12 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering._found_objects import nothing_found
-from warpvis.rendering._views import wants_ids
-from warpvis.rendering.casters import images_struct
-from warpvis.scene.worlds import part_of
+from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct, needs_ids
+from warpvis.rendering.casters.found_objects_cuda import nothing_found
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.packets import BvhScene
     from warpvis.kernels.casting.point_order import PointLists
-    from warpvis.kernels.casting.worlds import Worlds
 
 # With fewer points per view, single rays are faster. The limit is independent of the number of views, so that the
 # last digits of a view's results are too.
@@ -45,58 +42,43 @@ def takes_packets(count: int) -> bool:
 
 
 def cast_point_packets(
-    scene: BvhScene,
-    camera: Camera,
-    options: tuple[bool, bool],
-    poses: wp.array,
-    worlds: Worlds,
-    pixels: wp.array,
-    images: list[wp.array | None],
+    scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatch, images: ImagesByName
 ) -> None:
     """Cast through image points in packets.
 
     Args:
         scene: The acceleration structures.
         camera: The camera of all views.
-        options: Whether back faces are culled, and whether surfaces nearer than the camera's `near` are cut away.
-        poses: Camera to world, shape ``(V,)``, transforms on the device.
-        worlds: Poses and scales of objects.
-        pixels: Points [px], vec2 of shape ``(V, Y, X)``, contiguous, on the device; Y is 1 for lists.
-        images: Depth, points, normals, labels, segmentation and faces of this shape; images that are None are skipped.
+        options: Options of the caster.
+        views: The views, with image points on the device.
+        images: Images of the shape of the points.
     """
-    views = len(pixels)
+    pixels, count = views.pixels, len(views)
+    assert pixels is not None  # callers cast pixel centers otherwise
     step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
-    for first in range(0, views, step):
-        part = slice(first, min(first + step, views))
-        part_worlds = worlds if step >= views else part_of(worlds, part)
-        rows = [None if image is None else image[part] for image in images]
-        _cast(scene, camera, options, poses[part], part_worlds, pixels[part], rows)
+    for first in range(0, count, step):
+        part = slice(first, min(first + step, count))
+        rows = {name: image[part] for name, image in images.items()}
+        _cast(scene, camera, options, views if step >= count else views.part(part), rows)
 
 
-def _cast(
-    scene: BvhScene,
-    camera: Camera,
-    options: tuple[bool, bool],
-    poses: wp.array,
-    worlds: Worlds,
-    pixels: wp.array,
-    images: list[wp.array | None],
-) -> None:
-    cull, clip = options
+def _cast(scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatch, images: ImagesByName) -> None:
+    assert views.pixels is not None
+    pixels, worlds, clip = views.pixels.contiguous(), views.worlds, options.clip_near
     moving = scene.drawn_count > 0
     lists = list_points(pixels, camera)
     size = packet_size(pixels.size, pixels.device.sm_count)
     launch(
-        _kernel(size, wants_ids(images), moving, clip, moving and worlds.object_sizes is not None),
-        (packet_count(lists, size), len(poses), CUDA_LANES),
+        _kernel(size, needs_ids(images), moving, clip, moving and worlds.object_sizes is not None),
+        (packet_count(lists, size), len(views), CUDA_LANES),
         [
             scene,
             camera.device_struct(clip_near=clip),
-            poses,
+            views.poses_on(pixels.device),
             worlds,
             nothing_found(),
             lists,
-            cull,
+            options.cull_backfaces,
             images_struct(images),
         ],
         pixels.device,

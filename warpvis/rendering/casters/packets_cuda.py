@@ -13,24 +13,17 @@ import warp as wp
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering._cuda_points import cast_point_packets, takes_packets
-from warpvis.rendering._found_objects import MANY_OBJECTS, find_objects, nothing_found
-from warpvis.rendering._prepared import FreeList, ImageSlots, memory_of
-from warpvis.rendering._views import wants_faces, wants_ids
-from warpvis.rendering.casters import CastPoses, RaysCaster
+from warpvis.rendering.casters.base import ImagesByName, ImageSlots, ViewBatch, needs_ids
+from warpvis.rendering.casters.found_objects_cuda import MANY_OBJECTS, find_objects, nothing_found
+from warpvis.rendering.casters.points_cuda import cast_point_packets, takes_packets
+from warpvis.rendering.casters.rays import RaysCaster
 
 if TYPE_CHECKING:
-    from warpvis.kernels.casting.packets import BvhScene
-    from warpvis.kernels.casting.packets_cuda import FoundObjects
-    from warpvis.kernels.casting.worlds import Worlds
     from warpvis.kernels.pinhole import PinholeCamera
 
 # By whether the scene has movable objects, which every packet tests: pairs of a packet height and the number of packets
 # per multiprocessor from which it is faster than the next smaller height; and the minimum height.
 _MIN_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
-# Maximum number of kinds of calls with a cached launch.
-_MAX_KINDS = 4
-
 _Kind = tuple[int, bool, bool, bool, bool, int]
 """Arguments of `_kernel`, followed by the number of views."""
 
@@ -52,23 +45,16 @@ class _PackedLaunch:
         self._images = ImageSlots()
         scene, worlds, found = BvhScene(), Worlds(), FoundObjects()
         poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # placeholder address
-        self._poses, self._scene, self._worlds = memory_of(poses), _Assigned(scene), _Assigned(worlds)
+        self._poses, self._scene, self._worlds = poses.__ctype__(), _Assigned(scene), _Assigned(worlds)
         self._found = _Assigned(found)
         inputs = [scene, camera, poses, worlds, found, cull, self._images.struct]
         size = (packets[0], views, packets[1], CUDA_LANES)
         self._launch = launch(_kernel(*kind[:-1]), size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
 
-    def run(
-        self,
-        scene: BvhScene,
-        poses: wp.array,
-        worlds: Worlds,
-        found: FoundObjects,
-        images: list[wp.array | None],
-    ) -> None:
+    def run(self, scene: Any, poses: wp.array, worlds: Any, found: Any, images: ImagesByName) -> None:
         """Launch on the device's current stream."""
-        self._scene.memory.struct, self._worlds.memory.struct = memory_of(scene), memory_of(worlds)
-        self._found.memory.struct = memory_of(found)
+        self._scene.memory.struct, self._worlds.memory.struct = scene.__ctype__(), worlds.__ctype__()
+        self._found.memory.struct = found.__ctype__()
         self._poses.data = poses.ptr
         self._images.fill(images)
         self._launch.launch()
@@ -79,7 +65,7 @@ class _Assigned:
 
     def __init__(self, struct: Any) -> None:
         self._owner = struct
-        memory = memory_of(struct)
+        memory = struct.__ctype__()
         holder: Any = type("Holder", (ctypes.Structure,), {"_fields_": [("struct", type(memory))]})
         self.memory = holder.from_address(ctypes.addressof(memory))
 
@@ -89,55 +75,40 @@ class CudaPacketsCaster(RaysCaster):
 
     _camera: Camera
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        """Set up the caster; the arguments are those of `RaysCaster`."""
-        super().__init__(*arguments, **options)
-        self._free = FreeList[_PackedLaunch](_MAX_KINDS)
-
-    def cast(self, poses: CastPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all poses; skip images that are None."""
-        views, device = len(poses), self._scene.device
-        if views == 0:
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Write images of all views."""
+        device, worlds = self._scene.device, views.worlds
+        if not len(views):
             return
-        clusters, camera = self._scene.bvh(faces=wants_faces(images)), self._camera
-        movable_count = clusters.struct.drawn_count
+        if views.pixels is not None and not takes_packets(views.pixels.shape[1] * views.pixels.shape[2]):
+            super().cast(views, images)
+            return
+        clusters, camera, clip = self._scene.bvh(faces="faces" in images), self._camera, self._options.clip_near
+        scene, poses = clusters.struct, views.poses_on(device)
+        if views.pixels is not None:
+            cast_point_packets(scene, camera, self._options, views, images)
+            return
+        movable_count = scene.drawn_count
         moving, large_packets = movable_count > 0, 64
         if 0 < movable_count < MANY_OBJECTS:
             large_packets = 12 if clusters.moves_solids_only else 32
-        side = packet_side(views, camera.width, camera.height, device.sm_count, large_packets, moving=moving)
-        kind = (side, wants_ids(images), moving, self._clip_near, moving and worlds.object_sizes is not None, views)
-        packed = self._free.take(kind) or self._pack(kind)
-        device_poses, staging = self._upload(poses)
-        self._draw(packed, clusters.struct, device_poses, worlds, images)
-        self._give_back(staging)
-        self._free.give_back(kind, packed)
-
-    def cast_at(self, poses: CastPoses, worlds: Worlds, pixels: wp.array, images: list[wp.array | None]) -> None:
-        """Cast through image points, vec2 of shape ``(V, Y, X)``, which is also the images' shape; Y is 1 for lists."""
-        if not takes_packets(pixels.shape[1] * pixels.shape[2]):
-            super().cast_at(poses, worlds, pixels, images)
-            return
-        device_poses, staging = self._upload(poses)
-        options = self._cull_backfaces, self._clip_near
-        scene, points = self._scene.bvh(faces=wants_faces(images)).struct, pixels.contiguous()
-        cast_point_packets(scene, self._camera, options, device_poses, worlds, points, images)
-        self._give_back(staging)
-
-    def _draw(
-        self, packed: _PackedLaunch, scene: BvhScene, poses: wp.array, worlds: Worlds, images: list[wp.array | None]
-    ) -> None:
+        side = packet_side(len(views), camera.width, camera.height, device.sm_count, large_packets, moving=moving)
+        resized = moving and worlds.object_sizes is not None
+        kind: _Kind = (side, needs_ids(images), moving, clip, resized, len(views))
         found = nothing_found()
-        if scene.drawn_count >= MANY_OBJECTS:
-            found = find_objects(scene, self._camera, self._clip_near, poses, worlds, self._scene.device)
-        packed.run(scene, poses, worlds, found, images)
+        if movable_count >= MANY_OBJECTS:
+            found = find_objects(scene, camera, clip, poses, worlds, device)
+        self._options.pool.use(
+            (self, *kind), lambda: self._pack(kind), lambda packed: packed.run(scene, poses, worlds, found, images)
+        )
 
     def _pack(self, kind: _Kind) -> _PackedLaunch:
         from warpvis.kernels.casting.packets_cuda import packet_width
 
         side, camera = kind[0], self._camera
-        lens = camera.device_struct(clip_near=self._clip_near)
+        lens = camera.device_struct(clip_near=self._options.clip_near)
         packets = -(-camera.height // side), -(-camera.width // packet_width(side))
-        return _PackedLaunch(kind, lens, packets, self._cull_backfaces, self._scene.device)
+        return _PackedLaunch(kind, lens, packets, self._options.cull_backfaces, self._scene.device)
 
 
 @cache

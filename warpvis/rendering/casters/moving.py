@@ -19,14 +19,13 @@ from warpvis.core.poses import Convention, check_convention, parse_poses, vector
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
-from warpvis.rendering._views import wants_faces
-from warpvis.rendering.casters import as_images, images_struct, ray_table
+from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
+from warpvis.rendering.casters.rays import RaysCaster, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.motions import Motion as MotionStruct
-    from warpvis.kernels.casting.worlds import Worlds
 
 
 @dataclass(frozen=True)
@@ -50,10 +49,10 @@ class MovingPoses:
         return replace(self, sensor=_sliced(self.sensor, part), objects=objects, views=views)
 
 
-class MovingCaster:
-    """Cast with one thread per ray and one query of Warp's mesh per thread, like `RaysCaster`."""
+class MovingCaster(RaysCaster):
+    """Cast with one thread per ray and one query of Warp's mesh per thread, from the pose at the time of the ray."""
 
-    def __init__(self, scene: Scene, camera: AnyCamera, *, cull_backfaces: bool, clip_near: bool, threads: int) -> None:
+    def __init__(self, scene: Scene, camera: AnyCamera, options: CastOptions) -> None:
         """Set up the caster.
 
         Raises:
@@ -61,11 +60,7 @@ class MovingCaster:
         """
         if camera.ray_model == "parallel":
             raise CameraError(f"camera must be a pinhole, a lens or Rays for a Motion, got {type(camera).__name__}")
-        self._scene = scene
-        self._camera = camera
-        self._cull_backfaces = cull_backfaces
-        self._clip_near = clip_near
-        self._threads = threads
+        super().__init__(scene, camera, options)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without device arrays."""
@@ -79,7 +74,7 @@ class MovingCaster:
         world_index: ArrayInput | None,
         exclude: Excluded,
         object_scales: ObjectScales,
-    ) -> tuple[MovingPoses, Worlds]:
+    ) -> ViewBatch:
         """Check the arguments of a call of `Renderer.render` with at least one `Motion`.
 
         Raises:
@@ -88,31 +83,30 @@ class MovingCaster:
         sensor, views = parse_sensor(self._camera, camera_to_world, convention, self._scene.device)
         if not isinstance(object_poses, Motion):
             worlds = parse_worlds(self._scene, views, object_poses, world_index, exclude, object_scales)
-            return MovingPoses(sensor, None, views, False), worlds
+            return ViewBatch(MovingPoses(sensor, None, views, False), worlds)
         instants = instants_of(object_poses)
         worlds = parse_worlds(self._scene, views, instants[0], world_index, exclude, object_scales)
         starts = camera_to_world.starts if isinstance(camera_to_world, Motion) else None
         objects = self._parse_objects(object_poses, starts)
-        return MovingPoses(sensor, objects, views, world_index is None and objects.legs.shape[1] > 1), worlds
+        own_worlds = world_index is None and objects.legs.shape[1] > 1
+        return ViewBatch(MovingPoses(sensor, objects, views, own_worlds), worlds)
 
-    def cast(self, poses: MovingPoses, worlds: Worlds, images: list[wp.array | None]) -> None:
-        """Write depth, points, normals, labels, segmentation and faces of all views; skip images that are None."""
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Write images of all views, whose poses are `MovingPoses`."""
         from warpvis.kernels.casting.moving_objects import cast_at_moving_objects
         from warpvis.kernels.casting.moving_rays import cast_moving_rays
 
-        outputs = images_struct(as_images(images))
-        triangles, camera = (
-            self._scene.triangles(faces=wants_faces(images)).struct,
-            self._camera.ray_range(clip_near=self._clip_near),
-        )
+        poses, outputs = views.poses, images_struct(images)
+        triangles = self._scene.triangles(faces="faces" in images).struct
+        camera = self._camera.ray_range(clip_near=self._options.clip_near)
         objects = [] if poses.objects is None else [poses.objects]
-        rays = [self._rays, self._origins, self._times, self._cull_backfaces, outputs]
+        rays = [self._rays, self._origins, self._times, self._options.cull_backfaces, outputs]
         launch_images(
             cast_moving_rays if poses.objects is None else cast_at_moving_objects,
-            (len(poses), self._camera.height, self._camera.width),
-            lambda window: [triangles, camera, poses.sensor, window, worlds, *objects, *rays],
+            (len(views), *self._image),
+            lambda window: [triangles, camera, poses.sensor, window, views.worlds, *objects, *rays],
             device=self._scene.device,
-            threads=self._threads,
+            threads=self._options.threads,
         )
 
     def _parse_objects(self, motion: Motion, starts: np.ndarray | None) -> MotionStruct:
@@ -125,11 +119,11 @@ class MovingCaster:
 
     @cached_property
     def _rays(self) -> wp.array:
-        return ray_table(self._camera, self._scene.device)
+        return rays_on_device(self._camera, self._scene.device)
 
     @cached_property
     def _origins(self) -> wp.array | None:
-        return None if self._camera.origins is None else ray_table(self._camera, self._scene.device, "origins")
+        return None if self._camera.origins is None else rays_on_device(self._camera, self._scene.device, "origins")
 
     @cached_property
     def _times(self) -> wp.array | None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.kernels.casting.ray_bundle_packets_cuda import EYE_WORDS
-from warpvis.rendering._ray_images import PacketImages
+from warpvis.rendering.casters.packet_images_cuda import PacketImages
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not
 # unique along the rays.

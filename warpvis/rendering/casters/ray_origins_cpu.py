@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CPU_LANES, NOWHERE
-from warpvis.rendering._ray_bundles import PreparedRays, component, prepare_rays, to_row_order
+from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, component, prepare_rays, to_row_order
 
 if TYPE_CHECKING:
     from warpvis.cameras.rays import RayCamera

@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ``packets`` caster on CPU cores for ray bundles: lenses, panoramas, lidars."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.cameras.pinhole import clip_inv_z
+from warpvis.cameras.rays import RayCamera
+from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch
+from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
+from warpvis.rendering.casters.ray_origins_cpu import PreparedRayOrigins, prepare_ray_origins, takes_packets
+from warpvis.rendering.casters.rays import RayBundleCaster
+from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, prepare_rays
+from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.ray_bundle_packets import TableJob
+
+
+class CpuRayBundleCaster(CpuCaster):
+    """Cast packets of neighboring rays, which are split over several pinhole images; image points as single rays.
+
+    Rays with distinct origins are cast in packets where `takes_packets` allows it, and as single rays otherwise.
+    """
+
+    _camera: RayCamera
+
+    def __init__(self, scene: Scene, camera: RayCamera, options: CastOptions) -> None:
+        """Set up the caster."""
+        super().__init__(scene, camera, options)
+        self._clips = options.clip_near and camera.near > 0
+        self._single_rays = RayBundleCaster(scene, camera, options)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
+        return {name: value for name, value in self.__dict__.items() if name not in ("_rays", "_origins")}
+
+    def cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        """Write images of all views."""
+        if not len(views):
+            return
+        if views.pixels is not None or not self._takes_packets(views, images):
+            self._single_rays.cast(views, images)
+            return
+        units = len(views) * self._rays.struct.bundle.shape[0]
+        if units == 0:  # no pixel has a ray
+            self._single_rays.cast(views, images)
+            return
+        rays, make = len(views) * self._camera.width * self._camera.height, partial(self._make_workspace, len(views))
+        self._run("rays", views, images, rays, units, make)
+
+    def _takes_packets(self, views: ViewBatch, images: ImagesByName) -> bool:
+        if self._camera.origins is None:
+            return True
+        self._scene.bvh(faces="faces" in images)  # first, since `takes_packets` builds trees without faces
+        return takes_packets(self._scene, self._camera, views.worlds, self._clips)
+
+    @cached_property
+    def _origins(self) -> PreparedRayOrigins | None:
+        camera, origins = self._camera, self._camera.origins
+        if origins is None:
+            return None
+        shape = (camera.height, camera.width, 3)
+        return camera.prepared(
+            "origin packets", lambda: prepare_ray_origins(camera.rays.reshape(shape), origins.reshape(shape))
+        )
+
+    @cached_property
+    def _rays(self) -> PreparedRays:
+        camera = self._camera
+        if self._origins is not None:
+            return self._origins.rays
+        return camera.prepared("packets", lambda: prepare_rays(camera.rays.reshape(camera.height, camera.width, 3)))
+
+    def _make_workspace(self, views: int, scene: BvhScene, workers: int) -> Workspace:
+        from warpvis.kernels.casting.ray_bundle_packets import TableCall, cast_table_packets
+        from warpvis.kernels.casting.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
+
+        has_origins = self._origins is not None
+        call_type: Any = RayOriginCall if has_origins else TableCall
+        call, kernel = call_type(), cast_ray_origin_packets if has_origins else cast_table_packets
+        if self._origins is not None:
+            call.origins = self._origins.struct
+        call.rays = self._rays.struct
+        return Workspace(scene, kernel, (call, call_type), self._make_job(views), workers)
+
+    def _make_job(self, views: int) -> TableJob:
+        from warpvis.kernels.casting.ray_bundle_packets import TableJob
+
+        camera, job = self._camera, TableJob()
+        job.views, job.height, job.width = views, camera.height, camera.width
+        job.near, job.far = camera.near, camera.far
+        job.clip_inv_z = clip_inv_z(camera.near) if self._clips else math.inf
+        job.clip_reach = camera.near * self._rays.longest_ray if self._clips else 0.0
+        job.cull_backfaces = int(self._options.cull_backfaces)
+        far = np.minimum(camera.far * self._rays.longest, np.finfo(np.float32).max)
+        if self._origins is not None:
+            far = far.astype(np.float32) + self._origins.max_origin_z
+            far = np.minimum(far, np.finfo(np.float32).max)
+        job.bundle_far = wp.array(far, dtype=wp.float32, device="cpu")
+        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        return job
