@@ -41,9 +41,6 @@ def read_depth(
         camera: The camera that took them.
         device: The device of the result.
         max_range: Maximum valid depth [m]; the camera's `far` by default.
-
-    Raises:
-        WarpvisError: If the images, the camera or the device are invalid.
     """
     require_image_camera(camera)
     if device is None:
@@ -71,9 +68,6 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
         name: Name of the argument in error messages.
         near: Minimum depth of the camera [m].
         far: Maximum depth [m]; infinite if unknown.
-
-    Raises:
-        ArrayError: If `depth` is an array of integers, or in millimeters.
     """
     if depth.dtype.kind != "f":
         raise ArrayError(f"{name} must be in meters, a float array, got {depth.dtype}; divide millimeters by 1000")
@@ -125,9 +119,6 @@ def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -
         labels: The images; shape ``(H, W)`` is accepted for a single view.
         shape: ``(V, H, W)``.
         device: Required device.
-
-    Raises:
-        ArrayError: If the labels have the wrong shape, dtype or device.
     """
     if getattr(labels, "ndim", 0) == 2 and shape[0] == 1:
         labels = labels.reshape((1, *labels.shape))

@@ -77,11 +77,7 @@ class Frames:
         return len(self.camera_to_world)
 
     def __getitem__(self, part: slice) -> Frames:
-        """Return the frames of a slice; if each frame has a separate world, the worlds are sliced, too.
-
-        Raises:
-            ArrayError: If `part` is not a slice.
-        """
+        """Return the frames of a slice; if each frame has a separate world, the worlds are sliced, too."""
         if not isinstance(part, slice):
             raise ArrayError(f"frames must be indexed by a slice, frames[a:b], got {part!r}")
         return self.take(part)
@@ -170,12 +166,7 @@ class Frames:
 
 
 def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
-    """Return the length of an array of numbers.
-
-    Raises:
-        ArrayError: If `array` is not a NumPy array of numbers, or has another shape; None in `shape` matches any
-            length.
-    """
+    """Return the length of an array of numbers."""
     expected = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ("," * (len(shape) == 1)) + ")"
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
         raise ArrayError(

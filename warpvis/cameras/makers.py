@@ -53,9 +53,6 @@ class CameraMakers(ProjectingCamera):
             near: Minimum depth [m].
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
-
-        Raises:
-            CameraError: If `K` or `D` is invalid.
         """
         from warpvis.cameras.lenses import lens_from_opencv
 
@@ -110,9 +107,6 @@ class CameraMakers(ProjectingCamera):
             near: Minimum depth [m].
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
-
-        Raises:
-            CameraError: If COLMAP has no such model, or the parameters do not match the model.
         """
         from warpvis.cameras.lenses import check_coefficients, colmap_count, lens_from_colmap
 
@@ -131,9 +125,6 @@ class CameraMakers(ProjectingCamera):
             near: Minimum depth [m].
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
-
-        Raises:
-            CameraError: If a model is unknown, or its numbers do not match the model.
         """
         from warpvis.cameras.lenses import check_coefficients, lens_from_kalibr
 
@@ -154,9 +145,6 @@ class CameraMakers(ProjectingCamera):
             near: Minimum depth [m].
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
-
-        Raises:
-            CameraError: If a field is missing or invalid.
         """
         from warpvis.cameras.lenses import lens_from_nerfstudio
 

@@ -240,9 +240,6 @@ class Camera(CameraMakers):
 
         Returns:
             Unit vectors in the camera frame, shape ``(..., 3)``.
-
-        Raises:
-            CameraError: If `pixels` is not an array of numbers with this shape.
         """
         import numpy as np
 

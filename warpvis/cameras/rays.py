@@ -58,11 +58,7 @@ class RayCamera(AnyCamera):
     usage_hint = "its rays have no image. wv.render accepts it, and its views have points and labels."
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
-        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image.
-
-        Raises:
-            CameraError: If the image is not defined between the rays of the camera.
-        """
+        """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
         raise CameraError(
             f"camera must have a continuous image for render_at, got {type(self).__name__}. Render other Rays instead."
         )
@@ -134,9 +130,6 @@ class Rays(RayCamera):
                 along the z axis. ``"z"`` requires ``axes="opencv"`` and rays less than 90 degrees from z.
             axes: The axes of the sensor frame: ``"opencv"`` (x right, y down, z forward), ``"ros_body"`` (x forward,
                 y left, z up, as for lidars), ``"opengl"`` or ``"ros_optical"``.
-
-        Raises:
-            CameraError: If an argument is invalid: a wrong shape, directions not of length 1, values not finite.
         """
         self._directions = _vectors(directions, "directions")
         self.height, self.width = self.shape if len(self.shape) == 2 else (1, *self.shape)

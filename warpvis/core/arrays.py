@@ -33,11 +33,7 @@ _KINDS = {wp.float32: "fiu", wp.int32: "iu", wp.uint8: "iu"}
 
 
 def get_device(device: DeviceLike) -> wp.Device:
-    """Return the Warp device with this name.
-
-    Raises:
-        ArrayError: If the machine has no such device.
-    """
+    """Return the Warp device with this name."""
     init_warp()
     try:
         return wp.get_device(device)
@@ -55,9 +51,6 @@ def as_warp(value: ArrayInput | None, dtype: type, shape: Shape, *, name: str, d
         shape: Expected shape of the elements.
         name: Name of the argument in error messages.
         device: Required device. Host arrays are copied to it; arrays on another device raise an error.
-
-    Raises:
-        ArrayError: If the shape, dtype or device does not match.
     """
     if value is None:
         raise ArrayError(f"{name} must be an array of shape {format_shape(shape, dtype)}, got None")
@@ -95,11 +88,7 @@ def count_axes(value: ArrayInput, dtype: type) -> int:
 
 
 def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> wp.array:
-    """Convert points to a vec3 array on a device, and check that points in host memory are finite.
-
-    Raises:
-        ArrayError: If `points` has the wrong shape, dtype or device, or a point is not finite.
-    """
+    """Convert points to a vec3 array on a device, and check that points in host memory are finite."""
     array = as_warp(points, wp.vec3, (count,), name=name, device=device)
     if not on_gpu(points):
         rows = array.numpy()
@@ -111,11 +100,7 @@ def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> w
 
 
 def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
-    """Return `value` as a NumPy array that shares its memory where possible.
-
-    Raises:
-        ArrayError: If `value` is not an array of numbers.
-    """
+    """Return `value` as a NumPy array that shares its memory where possible."""
     try:
         host = np.from_dlpack(value) if hasattr(value, "__dlpack__") and not isinstance(value, np.ndarray) else value
         host = np.asarray(host)
@@ -221,22 +206,14 @@ def put_rows(array: wp.array, rows: NDArray[np.integer], values: wp.array) -> No
 
 
 def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, device: wp.Device) -> wp.array:
-    """Check that kernels can write to `out`, and return it.
-
-    Raises:
-        ArrayError: If `out` is not a Warp array with this dtype, shape and device.
-    """
+    """Check that kernels can write to `out`, and return it."""
     if not isinstance(out, wp.array):
         raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
     return _check_warp(out, dtype, shape, name=name, device=device)
 
 
 def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError) -> NDArray[np.float64]:
-    """Return one point as float64, shape ``(3,)``.
-
-    Raises:
-        WarpvisError: If `value` is not three finite numbers; raised as the class `error`.
-    """
+    """Return one point as float64, shape ``(3,)``."""
     point = as_numpy(value, name=name).astype(np.float64)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise error(f"{name} must be three finite numbers, got {point.tolist()}")
@@ -252,12 +229,7 @@ def check_length(
     infinite: bool = False,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """Check a length in meters, and return it as a float.
-
-    Raises:
-        WarpvisError: If `value` is not a number, or is negative, zero or infinite where that is not allowed; raised as
-            the class `error`.
-    """
+    """Check a length in meters, and return it as a float."""
     if (
         not is_number(value)
         or not (signed or value > 0 or (zero and value == 0))

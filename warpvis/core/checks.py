@@ -65,11 +65,7 @@ def _round_between(value: float, limit: int, digits: int) -> str:
 
 
 def check_whole(value: object, name: str, *, minimum: int = 1, error: type[WarpvisError] = ArrayError) -> int:
-    """Check that `value` is an integer of at least `minimum`, and return it.
-
-    Raises:
-        WarpvisError: If `value` is not such an integer; raised as the class `error`.
-    """
+    """Check that `value` is an integer of at least `minimum`, and return it."""
     if not is_whole(value) or value < minimum:
         raise error(f"{name} must be a whole number from {minimum} up, got {value!r}")
     return int(value)
@@ -83,11 +79,7 @@ def check_number(
     maximum: float = math.inf,
     error: type[WarpvisError] = ArrayError,
 ) -> float:
-    """Check that `value` is a finite number within limits, and return it.
-
-    Raises:
-        WarpvisError: If `value` is not such a number; raised as the class `error`.
-    """
+    """Check that `value` is a finite number within limits, and return it."""
     if not is_number(value) or not math.isfinite(value) or not minimum <= value <= maximum:
         limits = "a finite number" if minimum == -math.inf else f"a finite number from {minimum:g} up"
         limits = limits if maximum == math.inf else f"a number from {minimum:g} to {maximum:g}"
@@ -106,9 +98,6 @@ def check_angle(
     """Check that `value` is a finite angle within limits [rad], and return it.
 
     Integers beyond a full turn are rejected because they are degrees: such an angle in radians is not an integer.
-
-    Raises:
-        WarpvisError: If `value` is not such an angle; raised as the class `error`.
     """
     if not is_number(value) or not math.isfinite(value) or not minimum <= value <= maximum:
         limits = "a finite number of radians" if maximum == math.inf else f"from {minimum:.6g} to {maximum:.6g} radians"
@@ -126,11 +115,7 @@ def degrees_hint(value: object) -> str:
 
 
 def check_choice(value: object, name: str, choices: Collection[str], error: type[WarpvisError] = ArrayError) -> str:
-    """Check that `value` is one of `choices`, and return it.
-
-    Raises:
-        WarpvisError: If `value` is not one of `choices`; raised as the class `error`.
-    """
+    """Check that `value` is one of `choices`, and return it."""
     if not isinstance(value, str) or value not in choices:
         *initial, last = (f'"{choice}"' for choice in choices)
         raise error(f"{name} must be {', '.join(initial)} or {last}, got {value!r}")
@@ -138,44 +123,28 @@ def check_choice(value: object, name: str, choices: Collection[str], error: type
 
 
 def check_flag(value: object, name: str, error: type[WarpvisError] = ArrayError) -> bool:
-    """Check that `value` is a boolean, or the integer 0 or 1, and return it as bool.
-
-    Raises:
-        WarpvisError: If `value` is anything else, even if Python can convert it to bool; raised as the class `error`.
-    """
+    """Check that `value` is a boolean, or the integer 0 or 1, and return it as bool."""
     if type(value).__name__ in ("bool", "bool_") or (is_whole(value) and value in (0, 1)):
         return bool(value)
     raise error(f"{name} must be True or False, got {value!r}")
 
 
 def check_mapping(value: object, name: str, error: type[WarpvisError] = ArrayError) -> Mapping[Any, Any]:
-    """Check that `value` is a mapping, and return it.
-
-    Raises:
-        WarpvisError: If `value` is not a mapping; raised as the class `error`.
-    """
+    """Check that `value` is a mapping, and return it."""
     if not isinstance(value, Mapping):
         raise error(f"{name} must be a mapping, got {value!r}")
     return value
 
 
 def check_text(value: object, name: str, error: type[WarpvisError] = ArrayError) -> str:
-    """Check that `value` is a string, and return it.
-
-    Raises:
-        WarpvisError: If `value` is not a string; raised as the class `error`.
-    """
+    """Check that `value` is a string, and return it."""
     if not isinstance(value, str):
         raise error(f"{name} must be text, got {value!r}")
     return value
 
 
 def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -> list[Any]:
-    """Convert an iterable to a list; a string is a single item.
-
-    Raises:
-        WarpvisError: If `value` is not iterable; raised as the class `error`.
-    """
+    """Convert an iterable to a list; a string is a single item."""
     if isinstance(value, str):
         return [value]
     if not isinstance(value, Iterable) or isinstance(value, bytes):
@@ -187,11 +156,7 @@ def as_items(value: object, name: str, error: type[WarpvisError] = ArrayError) -
 
 
 def as_path(path: object, name: str = "path") -> Path:
-    """Convert a string or `os.PathLike` to a path. Numbers are rejected: `open` treats them as file descriptors.
-
-    Raises:
-        FileFormatError: If `path` is not a valid file name.
-    """
+    """Convert a string or `os.PathLike` to a path. Numbers are rejected: `open` treats them as file descriptors."""
     text = path if isinstance(path, str) else os.fspath(path) if isinstance(path, os.PathLike) else None
     if not isinstance(text, str) or not text or "\0" in text:
         raise FileFormatError(f"{name} must be the name of a file, text or an os.PathLike, got {path!r}")

@@ -34,9 +34,6 @@ def require_content(source: Path | bytes, expected: str, *, name: object = None,
         expected: Expected content, such as "a mesh".
         name: Name of the file in error messages; its path by default.
         images: Whether images are rejected, too.
-
-    Raises:
-        FileFormatError: If the file contains other content.
     """
     head, name = _head(source), source if name is None else name
     if head.startswith(_GIT_LFS):

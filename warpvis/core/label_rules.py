@@ -41,11 +41,7 @@ class LabelRules:
 
     @classmethod
     def of(cls, labels: LabelInput | None, label_names: Mapping[int, str] | None = None) -> LabelRules:
-        """Parse the arguments `labels` and `label_names` of a call; its names take precedence over names of a file.
-
-        Raises:
-            WarpvisError: If the arguments are invalid, or a file does not contain labels.
-        """
+        """Parse the arguments `labels` and `label_names` of a call; its names take precedence over names of a file."""
         if isinstance(labels, str | os.PathLike):
             rules = _read_file(as_path(labels, "labels"))
         elif isinstance(labels, LabelRules):
@@ -66,11 +62,7 @@ class LabelPatterns:
     """Match object names against patterns, and record which patterns matched an object."""
 
     def __init__(self, labels: Mapping[str, Label | int | str], names: LabelNames) -> None:
-        """Convert the labels to class numbers.
-
-        Raises:
-            SceneError: If a label is invalid.
-        """
+        """Convert the labels to class numbers."""
         self._patterns = {pattern: names.number(label) for pattern, label in labels.items()}
         self._unused = set(self._patterns)
 
@@ -104,9 +96,6 @@ def _read_file(path: Path) -> LabelRules:
 
     It contains a mapping of patterns to labels; or sections: ``labels``, which is such a mapping, ``label_names``, a
     mapping of numbers to names, and ``ground_labels``, a list.
-
-    Raises:
-        FileFormatError: If the file cannot be read, or has other contents.
     """
     data = _parse(path)
     if not isinstance(data, dict):

@@ -39,11 +39,7 @@ class Label(enum.IntEnum):
 
     @classmethod
     def parse(cls, value: Label | int | str) -> Label:
-        """Return a label from itself, its number or its name in any case.
-
-        Raises:
-            SceneError: If there is no such label.
-        """
+        """Return a label from itself, its number or its name in any case."""
         try:
             return cls[value.upper()] if isinstance(value, str) else cls(value)
         except (KeyError, ValueError, TypeError):
@@ -79,11 +75,7 @@ class LabelNames(Mapping[int, str]):
     """
 
     def __init__(self, names: Mapping[int, str] | None = None) -> None:
-        """Initialize with the names of `Label`, and add the given names.
-
-        Raises:
-            SceneError: If a number or a name is invalid, or two numbers have the same name.
-        """
+        """Initialize with the names of `Label`, and add the given names."""
         self._names = {label.value: label.name.lower() for label in Label}
         if names is not None:
             self.update(names)
@@ -120,11 +112,7 @@ class LabelNames(Mapping[int, str]):
         return f"LabelNames({self._names})"
 
     def number(self, label: Label | int | str) -> int:
-        """Return the number of a class, given its number or its name in any case; a `Label` if it is one of them.
-
-        Raises:
-            SceneError: If there is no such class.
-        """
+        """Return the number of a class, given its number or its name in any case; a `Label` if it is one of them."""
         number: int | None = None
         if isinstance(label, str):
             folded = label.strip().casefold()
@@ -143,19 +131,12 @@ class LabelNames(Mapping[int, str]):
         Args:
             labels: The classes.
             name: Name of the argument in error messages.
-
-        Raises:
-            SceneError: If there is no such class.
         """
         items = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
         return {self.number(label) for label in items}
 
     def name(self, label: Label | int | str) -> str:
-        """Return the display name of a class: its name, or ``label 40`` if it has no name.
-
-        Raises:
-            SceneError: If there is no such class.
-        """
+        """Return the display name of a class: its name, or ``label 40`` if it has no name."""
         number = self.number(label)
         return self._names.get(number, f"label {int(number)}")
 

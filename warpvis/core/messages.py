@@ -51,20 +51,13 @@ class MessageMaker:
 
         Args:
             types: A rosbags type store; by default the message classes of ROS, which are imported when used.
-
-        Raises:
-            MessageError: If `types` is not a type store.
         """
         if types is not None and not isinstance(getattr(types, "types", None), Mapping):
             raise MessageError(f"types must be a type store of rosbags, or None for ROS's own, got {types!r}")
         self._types = types
 
     def make(self, kind: str, **fields: Any) -> Message:
-        """Create a message of a type such as ``"sensor_msgs/msg/Image"`` from its fields, by their names in ROS 2.
-
-        Raises:
-            MessageError: If the types lack this message or define other fields for it, or ROS is not available.
-        """
+        """Create a message of a type such as ``"sensor_msgs/msg/Image"`` from its fields, by their names in ROS 2."""
         if self._types is None:
             return _ros_class(kind)(**fields)
         try:
@@ -86,11 +79,7 @@ class MessageMaker:
         return copied
 
     def header(self, frame_id: str, stamp: Stamp) -> Message:
-        """Create a message header.
-
-        Raises:
-            MessageError: If the time is outside the range of ROS, or the frame name is not a string.
-        """
+        """Create a message header."""
         frame_id = check_text(frame_id, "frame_id", MessageError)
         sec, nanosec = divmod(stamp_nanoseconds(stamp), 10**9)
         time = self.make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
@@ -150,11 +139,7 @@ def nanoseconds(seconds: float) -> int:
 
 
 def stamp_nanoseconds(stamp: Stamp) -> int:
-    """Convert a time [s], or a ``builtin_interfaces/Time`` or ROS 1 ``Time`` message, to nanoseconds.
-
-    Raises:
-        MessageError: If `stamp` is not a time, or is outside the range of ROS 2.
-    """
+    """Convert a time [s], or a ``builtin_interfaces/Time`` or ROS 1 ``Time`` message, to nanoseconds."""
     if is_number(stamp):
         if not 0 <= stamp < _LAST_SECOND:
             raise MessageError(f"stamp must be from 0 to {_LAST_SECOND} s, the range of ROS 2, got {stamp!r}")
@@ -167,11 +152,7 @@ def stamp_nanoseconds(stamp: Stamp) -> int:
 
 
 def field(message: Message, *names: str) -> Any:
-    """Return the first of these fields that a message has.
-
-    Raises:
-        MessageError: If the message has none of these fields.
-    """
+    """Return the first of these fields that a message has."""
     for name in names:
         if hasattr(message, name):
             return getattr(message, name)
@@ -179,11 +160,7 @@ def field(message: Message, *names: str) -> Any:
 
 
 def whole_field(message: Message, name: str) -> int:
-    """Return a message field that contains a nonnegative integer.
-
-    Raises:
-        MessageError: If the field is missing, or contains another value.
-    """
+    """Return a message field that contains a nonnegative integer."""
     value = field(message, name)
     if not is_number(value) or not math.isfinite(value) or value != int(value) or value < 0:
         raise MessageError(f"{name} of a message must be a whole number from 0 up, got {value!r}")
@@ -208,10 +185,6 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
     Args:
         message: A message of ROS 2 or ROS 1, or any object with its fields.
         rectified: Whether to read the intrinsics of the rectified image (`P`) or of the raw image (`K`).
-
-    Raises:
-        CameraError: If the camera is not calibrated or not a pinhole, or the message is inconsistent.
-        MessageError: If `message` is not a CameraInfo.
     """
     rectified = check_flag(rectified, "rectified", CameraError)
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
@@ -244,10 +217,6 @@ def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float
 
     Args:
         message: As for `read_camera_info`; binning and region of interest are optional.
-
-    Raises:
-        CameraError: If the camera is not calibrated, or the message is inconsistent.
-        MessageError: If `message` is not a CameraInfo.
     """
     k = _matrix(field(message, "k", "K"), (3, 3), "K")
     if k[0, 0] == 0:

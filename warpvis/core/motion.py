@@ -53,10 +53,6 @@ class Motion:
             starts: Start of the frame of each view on this clock [s], shape ``(V,)``. Poses of one sensor are then a
                 trajectory common to all views. By default, frames start at 0.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            PoseError: If the poses are malformed.
-            ArrayError: If the times are invalid.
         """
         check_quaternion(quaternion)
         self.of_rays = False
@@ -98,10 +94,6 @@ class Motion:
             angular: Angular velocity in the body frame [rad/s], as measured by a gyroscope; same shapes.
             starts: As in the constructor.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            PoseError: If the poses are malformed.
-            ArrayError: If the velocities are invalid.
         """
         motion = cls._from_single_instant(poses, starts, quaternion)
         motion._linear, motion._angular = (
@@ -119,9 +111,6 @@ class Motion:
                 list of rays, or matrices; the first axis may be omitted for one view. An axis may have length 1, for
                 one pose per row, ``(V, H, 1, 7)``, or per column, ``(V, 1, W, 7)``.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            PoseError: If the poses are malformed.
         """
         motion = cls._from_single_instant(poses, None, quaternion)
         motion.of_rays = True
@@ -157,11 +146,7 @@ class Motion:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of the poses at one instant: ``()`` for one sensor, ``(V,)``, ``(M,)`` or ``(W, M)``.
-
-        Raises:
-            PoseError: If the poses are on a GPU.
-        """
+        """Shape of the poses at one instant: ``()`` for one sensor, ``(V,)``, ``(M,)`` or ``(W, M)``."""
         return self._host_rows().shape[1:-1]
 
     def at(self, times: ArrayLike = 0.0) -> NDArray[np.float64]:
@@ -226,10 +211,6 @@ def check_times(motion: Motion, times: NDArray, starts: NDArray[np.float64] | No
     """Check that a motion covers times after the starts of frames [s]; by default, after its own starts.
 
     Times may be outside of its interval by their rounding error, which is greater in single precision.
-
-    Raises:
-        ArrayError: If a time is before the first or after the last pose.
-        PoseError: If the motion has poses of rays, without times.
     """
     if motion.of_rays:
         raise PoseError("motion must have poses at times, got poses of rays (Motion.per_ray)")
@@ -259,11 +240,7 @@ def instants_of(motion: Motion) -> NDArray[np.float64] | list[PoseLike]:
 
 
 def stacked(arrays: list[wp.array]) -> wp.array:
-    """Stack GPU arrays of poses at instants to one array of transforms, shape ``(T, ...)``.
-
-    Raises:
-        PoseError: If their shapes differ.
-    """
+    """Stack GPU arrays of poses at instants to one array of transforms, shape ``(T, ...)``."""
     first = arrays[0]
     if any(array.shape != first.shape for array in arrays):
         raise PoseError(

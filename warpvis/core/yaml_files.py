@@ -11,11 +11,7 @@ from warpvis.errors import FileFormatError
 
 
 def load_yaml(path: Path) -> object:
-    """Return the contents of a YAML file: mappings, lists, strings and numbers.
-
-    Raises:
-        FileFormatError: If the file cannot be read, or if ruamel.yaml is missing.
-    """
+    """Return the contents of a YAML file: mappings, lists, strings and numbers."""
     try:
         from ruamel.yaml import YAML
     except ImportError:

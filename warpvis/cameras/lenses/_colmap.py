@@ -76,22 +76,14 @@ _WRITTEN = {
 
 
 def colmap_count(model: str) -> int:
-    """Return the number of parameters of a model.
-
-    Raises:
-        CameraError: If COLMAP has no such model.
-    """
+    """Return the number of parameters of a model."""
     if check_text(model, "model", CameraError) not in _MODELS:
         raise CameraError(f"COLMAP has no camera model {model}; its models are {', '.join(_MODELS)}")
     return _MODELS[model][1]
 
 
 def lens_from_colmap(model: str, parameters: Sequence[float]) -> Lens:
-    """Create a lens from a model of COLMAP. Its pixel centers are at +0.5, as in warpvis.
-
-    Raises:
-        CameraError: If COLMAP has no such model, or if the number of parameters is wrong.
-    """
+    """Create a lens from a model of COLMAP. Its pixel centers are at +0.5, as in warpvis."""
     count = colmap_count(model)
     if len(parameters) != count:
         raise CameraError(f"{model} has {count} parameters, got {len(parameters)}")

@@ -15,11 +15,7 @@ from warpvis.errors import CameraError
 
 
 def lens_to_dict(lens: Any) -> dict[str, Json]:
-    """Convert a lens to a JSON object. The model of a class outside of warpvis is ``module:Class``.
-
-    Raises:
-        CameraError: If the lens is not a dataclass of numbers, strings and tuples of these.
-    """
+    """Convert a lens to a JSON object. The model of a class outside of warpvis is ``module:Class``."""
     model = _model_name(type(lens))
     if not is_dataclass(lens):
         raise CameraError(f"lens must be a dataclass to be written to a file, got {model}")

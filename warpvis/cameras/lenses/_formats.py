@@ -42,11 +42,7 @@ _FISHEYES = ("equidistant", "equi", "fisheye")
 
 
 def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False) -> Lens:
-    """Create a lens from OpenCV's `K` and `D`, with pixel centers at integers.
-
-    Raises:
-        CameraError: If `K` is not a matrix of intrinsics, or if `D` has a wrong number of coefficients.
-    """
+    """Create a lens from OpenCV's `K` and `D`, with pixel centers at integers."""
     intrinsics = _intrinsics(k)
     coefficients = _numbers(d, "D")
     counts, name = ((4,), "OpenCV's fisheye") if fisheye else (COUNTS, "OpenCV's pinhole")
@@ -57,11 +53,7 @@ def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False
 
 
 def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
-    """Create a lens from the `K`, `D` and `distortion_model` of a CameraInfo.
-
-    Raises:
-        CameraError: If ROS has no such model, or if the number of coefficients is wrong.
-    """
+    """Create a lens from the `K`, `D` and `distortion_model` of a CameraInfo."""
     coefficients = _numbers(d, "D")
     if not model and not any(coefficients):
         return lens_from_opencv(k, None)
@@ -72,11 +64,7 @@ def lens_from_ros(k: ArrayLike, d: ArrayLike | None, model: str) -> Lens:
 
 
 def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
-    """Create a lens from a camera in Kalibr's ``camchain.yaml``, with pixel centers at integers.
-
-    Raises:
-        CameraError: If the model is unknown, or if its parameters are invalid.
-    """
+    """Create a lens from a camera in Kalibr's ``camchain.yaml``, with pixel centers at integers."""
     model, distortion = str(entry.get("camera_model", "pinhole")), str(entry.get("distortion_model", "none"))
     coefficients = _numbers(entry.get("distortion_coeffs"), "distortion_coeffs")
     numbers = _numbers(entry.get("intrinsics"), "intrinsics")
@@ -118,9 +106,6 @@ def nerfstudio_model(fields: Mapping[str, Any]) -> str:
 
     instant-ngp uses the keys ``is_fisheye``, ``latlong``, ``equirectangular`` and ``ftheta_p0`` to ``ftheta_p4``
     (``read_lens`` in its ``src/nerf_loader.cu``).
-
-    Raises:
-        CameraError: If a key is malformed, or if the keys contradict each other.
     """
     name = fields.get("camera_model")
     models = [] if name is None else [str(name)]
@@ -136,11 +121,7 @@ def nerfstudio_model(fields: Mapping[str, Any]) -> str:
 
 
 def nerfstudio_distortion(fields: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return ``k1 k2 k3 k4 p1 p2`` of a camera in ``transforms.json``, from single keys or ``distortion_params``.
-
-    Raises:
-        CameraError: If they are not numbers.
-    """
+    """Return ``k1 k2 k3 k4 p1 p2`` of a camera in ``transforms.json``, from single keys or ``distortion_params``."""
     if fields.get("distortion_params") is None:
         return tuple(_number(fields, name) for name in ("k1", "k2", "k3", "k4", "p1", "p2"))
     coefficients = _numbers(fields["distortion_params"], "distortion_params")
@@ -149,11 +130,7 @@ def nerfstudio_distortion(fields: Mapping[str, Any]) -> tuple[float, ...]:
 
 
 def lens_from_nerfstudio(fields: Mapping[str, Any], size: Sequence[float], intrinsics: Sequence[float]) -> Lens:
-    """Create a lens from a camera of nerfstudio or instant-ngp, with pixel centers at +0.5.
-
-    Raises:
-        CameraError: If the model is unknown, or if a coefficient is not part of the model.
-    """
+    """Create a lens from a camera of nerfstudio or instant-ngp, with pixel centers at +0.5."""
     model = nerfstudio_model(fields)
     k1, k2, k3, k4, p1, p2 = nerfstudio_distortion(fields)
     fx, fy, cx, cy = (float(number) for number in intrinsics)

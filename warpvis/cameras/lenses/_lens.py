@@ -39,9 +39,6 @@ class Lens(ABC):
         Returns:
             Coordinates ``(x, y)`` [px] from the top left corner of the image, shape ``(..., 2)``; NaN where the mapping
             is undefined or has turned back, that is where two directions would have the same image point.
-
-        Raises:
-            CameraError: If `points` is not an array of numbers of this shape.
         """
         rows = _as_rows(points, 3, "points")
         with np.errstate(all="ignore"):  # results that are not finite become NaN below
@@ -57,9 +54,6 @@ class Lens(ABC):
 
         Returns:
             Unit vectors, shape ``(..., 3)``; NaN where no direction maps to the image point.
-
-        Raises:
-            CameraError: If `pixels` is not an array of numbers of this shape.
         """
         rows = _as_rows(pixels, 2, "pixels")
         with np.errstate(all="ignore"):
@@ -185,9 +179,6 @@ def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str]
         lens: A frozen dataclass; `coefficients` is a sequence, all other fields are numbers.
         counts: Valid numbers of coefficients.
         positive: Names of the fields that must be greater than 0.
-
-    Raises:
-        CameraError: If a field is invalid.
     """
     for field in fields(lens):  # type: ignore[arg-type]  # concrete lenses are dataclasses
         value = getattr(lens, field.name)
@@ -204,11 +195,7 @@ def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str]
 def check_coefficients(
     values: object, name: str, counts: Sequence[int], noun: str = "coefficients"
 ) -> tuple[float, ...]:
-    """Check the coefficients of a lens, and return them as a tuple.
-
-    Raises:
-        CameraError: If they are not finite numbers, or if their number is not in `counts`.
-    """
+    """Check the coefficients of a lens, and return them as a tuple."""
     items = np.ravel(values).tolist() if isinstance(values, np.ndarray) else as_items(values, noun, CameraError)
     if len(items) not in counts:
         raise CameraError(f"{noun} of {name} must be {format_alternatives(counts)} numbers, got {len(items)}")

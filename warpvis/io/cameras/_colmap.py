@@ -43,11 +43,7 @@ class ColmapImage(NamedTuple):
 
 
 def colmap_lens_camera(path: Path, used: set[int] | None = None) -> ImageCamera | None:
-    """Read the camera of a file with its lens, for all of COLMAP's models; see `colmap_camera`.
-
-    Raises:
-        FileFormatError: If it cannot be read, or its numbers are invalid.
-    """
+    """Read the camera of a file with its lens, for all of COLMAP's models; see `colmap_camera`."""
     rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
     listed = list(rows)
     chosen = [row for row in listed if used is None or row.number in used]
@@ -65,10 +61,6 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
     Args:
         path: The file.
         used: Ids of the cameras to consider; all by default.
-
-    Raises:
-        NoPinholeError: If the lens model of a camera is not supported.
-        FileFormatError: If it cannot be read.
     """
     rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
     found = {row.number: _make(path, row) for row in rows}
@@ -79,11 +71,7 @@ def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
 
 
 def colmap_images(path: Path) -> list[ColmapImage]:
-    """Read ``images.txt`` or ``images.bin``, sorted by the images' names.
-
-    Raises:
-        FileFormatError: If it cannot be read.
-    """
+    """Read ``images.txt`` or ``images.bin``, sorted by the images' names."""
     images = list(_binary_images(path) if path.suffix == ".bin" else _text_images(path))
     return sorted(images, key=lambda image: image.name)
 

@@ -44,11 +44,7 @@ def is_bop(fields: Mapping[str, Json]) -> bool:
 
 
 def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera | None:
-    """Read the camera of all frames with its lens; None if not given, or, with a warning, if there are several.
-
-    Raises:
-        FileFormatError: If its numbers are invalid.
-    """
+    """Read the camera of all frames with its lens; None if not given, or, with a warning, if there are several."""
     kinds: dict[str, dict[str, Json]] = {}
     for entry, frames in _nerfstudio_entries(fields):
         numbers = _nerfstudio_numbers(path, entry, frames)
@@ -71,12 +67,7 @@ def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json
 
 
 def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
-    """Read the camera of all frames; None if not given, or, with a warning, if there are several.
-
-    Raises:
-        NoPinholeError: If its lens model is not supported.
-        FileFormatError: If its numbers are invalid.
-    """
+    """Read the camera of all frames; None if not given, or, with a warning, if there are several."""
     cameras = [_nerfstudio_camera(path, entry, frames) for entry, frames in _nerfstudio_entries(fields)]
     return one_camera([camera for camera in cameras if camera is not None], str(path))
 
@@ -144,11 +135,7 @@ def _nerfstudio_size(
 
 
 def bop_camera(path: Path, fields: Mapping[str, Json]) -> Camera:
-    """Read BOP's ``camera.json``.
-
-    Raises:
-        FileFormatError: If its numbers are invalid.
-    """
+    """Read BOP's ``camera.json``."""
     width, height, *intrinsics = (
         as_numbers(fields[name], (), f"{path}: {name}").item() for name in ("width", "height", "fx", "fy", "cx", "cy")
     )
@@ -160,9 +147,6 @@ def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
 
     The image size is that of a picture next to it, or that of the dataset's ``camera.json``. None if neither exists,
     or, with a warning, if the images have several cameras.
-
-    Raises:
-        FileFormatError: If a matrix is malformed.
     """
     entries = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
     size = _bop_size(path, images) if entries else None

@@ -37,9 +37,6 @@ def make_pinhole(
         intrinsics: ``fx fy cx cy`` [px].
         pixel_center: See `Camera.from_K`.
         distortion: Coefficients of the lens; warns if one is not 0.
-
-    Raises:
-        FileFormatError: If these numbers are invalid.
     """
     fx, fy, cx, cy = intrinsics
     try:
@@ -57,11 +54,7 @@ def make_pinhole(
 
 
 def make_calibrated(place: str, make: Callable[[], ImageCamera]) -> ImageCamera:
-    """Create the camera of a file, with its lens.
-
-    Raises:
-        FileFormatError: If its numbers are invalid.
-    """
+    """Create the camera of a file, with its lens."""
     try:
         return make()
     except (CameraError, MessageError) as error:
@@ -82,11 +75,7 @@ def one_camera(cameras: Sequence[_Camera], place: str) -> _Camera | None:
 
 
 def camera_of_poses(read: Callable[[], ImageCamera | None]) -> ImageCamera | None:
-    """Read the camera in a file of poses; warn and return None if it is not a pinhole, since poses are useful alone.
-
-    Raises:
-        FileFormatError: If the file cannot be read.
-    """
+    """Read the camera in a file of poses; warn and return None if it is not a pinhole, since poses are useful alone."""
     try:
         return read()
     except NoPinholeError as error:

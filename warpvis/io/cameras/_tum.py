@@ -27,11 +27,7 @@ _IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
 
 
 def tum_camera(path: Path, *, distortion: bool) -> ImageCamera:
-    """Read the camera, whose pixel centers are at whole numbers; the image size is that of an image next to it.
-
-    Raises:
-        FileFormatError: If the file cannot be read, or there is no image.
-    """
+    """Read the camera, whose pixel centers are at whole numbers; the image size is that of an image next to it."""
     expected = "fx fy cx cy, or those and k1 k2 p1 p2 k3"
     for number, line in enumerate(read_lines(path, expected), start=1):
         words = line.split()

@@ -39,9 +39,6 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
     Args:
         path: The file.
         name: Name of a Kalibr camera, ``cam0``; required if there are several.
-
-    Raises:
-        FileFormatError: If it cannot be read, or contains no pinhole camera, or several.
     """
     data = _load(path)
     if "image_width" in data:
@@ -50,11 +47,7 @@ def yaml_camera(path: Path, name: str = "") -> Camera:
 
 
 def yaml_lens_camera(path: Path, name: str = "") -> ImageCamera:
-    """Read a camera of a YAML file with its lens: for ROS and OpenCV, that of the raw images; see `yaml_camera`.
-
-    Raises:
-        FileFormatError: If it cannot be read, or contains no camera, or several.
-    """
+    """Read a camera of a YAML file with its lens: for ROS and OpenCV, that of the raw images; see `yaml_camera`."""
     data = _load(path)
     if any(found in data for names in _NAMES.values() for found in names):
         return opencv_lens_camera(path, _only(path, data, name))
@@ -63,11 +56,7 @@ def yaml_lens_camera(path: Path, name: str = "") -> ImageCamera:
 
 
 def xml_lens_camera(path: Path) -> ImageCamera:
-    """Read the camera of an OpenCV XML file, with its lens.
-
-    Raises:
-        FileFormatError: If it cannot be read, or contains no camera.
-    """
+    """Read the camera of an OpenCV XML file, with its lens."""
     from xml.etree import ElementTree
 
     try:
@@ -87,11 +76,7 @@ def xml_lens_camera(path: Path) -> ImageCamera:
 
 
 def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
-    """Create the camera of the raw images from OpenCV's or ROS's calibration.
-
-    Raises:
-        FileFormatError: If something is missing, or its numbers are invalid.
-    """
+    """Create the camera of the raw images from OpenCV's or ROS's calibration."""
     entries = {}
     for key, names in _NAMES.items():
         found = [data[name] for name in names if name in data]
