@@ -1,16 +1,18 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Detect content that may be in a file of any name (git-lfs pointers, web pages, images), and name files in errors."""
+"""Read texts, JSON and YAML with uniform errors, and detect git-lfs pointers, web pages and images."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from warpvis.core.checks import describe_exception
+from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
 _GIT_LFS = b"version https://git-lfs.github.com/spec/"
@@ -103,3 +105,36 @@ def _head(source: Path | bytes) -> bytes:
             return file.read(_HEAD)
     except (OSError, ValueError):  # ValueError: for invalid file names
         return b""
+
+
+def read_json(path: Path) -> Json:
+    """Read a JSON file.
+
+    Raises:
+        FileFormatError: If the file cannot be read or is not JSON; the message contains the line number.
+    """
+    text = read_text(path, "a JSON text file")
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise FileFormatError(f"{path}:{error.lineno}: is not JSON: {error.msg}") from None
+    except RecursionError:
+        raise FileFormatError(f"{path}: cannot be read as JSON: it is nested too deeply") from None
+    except ValueError as error:  # an integer with thousands of digits
+        raise FileFormatError(f"{path}: cannot be read as JSON: {error}") from None
+
+
+def load_yaml(path: Path) -> object:
+    """Return the contents of a YAML file: mappings, lists, strings and numbers."""
+    try:
+        from ruamel.yaml import YAML
+    except ImportError:
+        raise FileFormatError(f"{path}: reading YAML requires ruamel.yaml: pip install 'warpvis[ros]'") from None
+    try:
+        # OpenCV's files begin with a directive that is not valid YAML, and use a nonstandard tag.
+        text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0").replace("!!opencv-matrix", "")
+        return YAML(typ="safe", pure=True).load(text)
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except Exception as error:  # ruamel.yaml may raise any exception for malformed files
+        raise FileFormatError(f"{path}: is not YAML: {describe_exception(error)}") from None

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from warpvis.core.checks import as_path, check_mapping, describe_exception, truncate
-from warpvis.core.file_content import read_text
+from warpvis.core.file_content import load_yaml, read_text
 from warpvis.core.labels import Label, LabelNames
-from warpvis.core.yaml_files import load_yaml
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
 
 LabelInput: TypeAlias = "Mapping[str, Label | int | str] | str | os.PathLike[str] | LabelRules"

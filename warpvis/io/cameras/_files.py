@@ -11,8 +11,7 @@ from typing import Any, Literal, overload
 from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import as_path, check_flag, describe_exception
-from warpvis.core.file_content import require_content
-from warpvis.core.json_files import read_json
+from warpvis.core.file_content import read_json, require_content
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.io.cameras._colmap import colmap_camera, colmap_lens_camera

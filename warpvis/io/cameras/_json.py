@@ -18,7 +18,7 @@ from warpvis.cameras import ImageCamera
 from warpvis.cameras.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
-from warpvis.core.json_files import read_json
+from warpvis.core.file_content import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning

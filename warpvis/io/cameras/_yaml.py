@@ -17,7 +17,7 @@ from typing import Any, Literal
 from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, is_number
-from warpvis.core.yaml_files import load_yaml
+from warpvis.core.file_content import load_yaml
 from warpvis.errors import CameraError, FileFormatError, MessageError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._pinhole import make_calibrated, make_pinhole

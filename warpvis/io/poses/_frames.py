@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_path, check_flag
-from warpvis.core.file_content import require_content
-from warpvis.core.json_files import read_json
+from warpvis.core.file_content import read_json, require_content
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_archive, read_array

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_choice, is_whole, truncate
-from warpvis.core.json_files import read_json
+from warpvis.core.file_content import read_json
 from warpvis.core.poses import is_orthonormal
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_number, is_number, truncate
-from warpvis.core.yaml_files import load_yaml
+from warpvis.core.file_content import load_yaml
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors.lidars._plain import directions_at
 
