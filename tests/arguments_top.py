@@ -58,6 +58,10 @@ def top_cases(folder):
             wv.Camera.from_raw_camera_info,
             {"message": RAW_INFO, "near": 0.1, "far": 4.0, "kind": "z"},
         ),
+        "Camera.from_lens": (
+            wv.Camera.from_lens,
+            {"lens": CAMERA.lens, "width": 8, "height": 6, "near": 0.1, "far": 4.0, "kind": "range"},
+        ),
         "Camera.from_colmap": (
             wv.Camera.from_colmap,
             {"model": "SIMPLE_RADIAL", "params": (9, 4, 3, 0.01), "width": 8, "height": 6, "kind": "z"},

@@ -137,7 +137,7 @@ def test_colmap_with_lenses_and_several_cameras(tmp_path):
     with pytest.warns(IntrinsicsWarning, match="different cameras"), pytest.raises(FileFormatError, match="no camera"):
         load_camera(tmp_path / "a" / "cameras.txt")
     for text, message in (
-        ("7 PINHOLE 64 48 60 58", "PINHOLE has 4 parameters, got 2"),
+        ("7 PINHOLE 64 48 60 58", "parameters of PINHOLE must be 4 numbers, got 2"),
         ("7 PINHOLE wide", "expected CAMERA_ID MODEL WIDTH HEIGHT"),
         ("6 PINHOLE 64 48 60 58 31 25", "cameras.txt: holds no camera of the images"),
     ):
@@ -225,7 +225,7 @@ BAD = {
     "fisheye": (lambda p: put(p / "t.json", NERF | {"camera_model": "OPENCV_FISHEYE"}), "is not a pinhole"),
     "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "holds no camera of all images"),
     "words": (lambda p: put(p / "t.json", NERF | {"fl_x": "long"}), r"t\.json: fl_x must be"),
-    "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "focal lengths must be positive"),
+    "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "fx of a lens must be a number above 0, got -60"),
     "half a pixel": (lambda p: put(p / "t.json", NERF | {"w": 64.5}), "width must be a whole number of pixels"),
     "no yaml": (lambda p: put(p / "eye.yaml", "a: [1"), r"eye\.yaml: is not YAML"),
     "a list": (lambda p: put(p / "eye.yaml", "[1, 2]"), "a camera file holds one YAML mapping, got list"),

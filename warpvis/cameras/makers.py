@@ -57,7 +57,7 @@ class CameraMakers(ProjectingCamera):
         from warpvis.cameras.lenses import lens_from_opencv
 
         fisheye = check_choice(model, "model", ("pinhole", "fisheye"), CameraError) == "fisheye"
-        return cls._of_lens(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
+        return cls.from_lens(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
 
     @classmethod
     def from_raw_camera_info(
@@ -83,7 +83,7 @@ class CameraMakers(ProjectingCamera):
 
         info, coefficients, model = read_raw_camera_info(message)
         lens = lens_from_ros(info.K, coefficients, model)
-        return cls._of_lens(lens, info.width, info.height, near=near, far=far, kind=kind)
+        return cls.from_lens(lens, info.width, info.height, near=near, far=far, kind=kind)
 
     @classmethod
     def from_colmap(
@@ -108,10 +108,9 @@ class CameraMakers(ProjectingCamera):
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
         """
-        from warpvis.cameras.lenses import check_coefficients, colmap_count, lens_from_colmap
+        from warpvis.cameras.lenses import lens_from_colmap
 
-        parameters = check_coefficients(params, model, (colmap_count(model),), "parameters")
-        return cls._of_lens(lens_from_colmap(model, parameters), width, height, near=near, far=far, kind=kind)
+        return cls.from_lens(lens_from_colmap(model, params), width, height, near=near, far=far, kind=kind)
 
     @classmethod
     def from_kalibr(
@@ -130,7 +129,7 @@ class CameraMakers(ProjectingCamera):
 
         entry = check_mapping(camera, "camera", CameraError)
         width, height = check_coefficients(entry.get("resolution", ()), "resolution", (2,), "numbers")
-        return cls._of_lens(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
+        return cls.from_lens(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
 
     @classmethod
     def from_nerfstudio(
@@ -153,18 +152,26 @@ class CameraMakers(ProjectingCamera):
         if missing:
             raise CameraError(f"fields must contain fl_x, fl_y, cx, cy, w and h, missing {missing[0]}")
         lens = lens_from_nerfstudio(entry, (entry["w"], entry["h"]), [entry[n] for n in ("fl_x", "fl_y", "cx", "cy")])
-        return cls._of_lens(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)
+        return cls.from_lens(lens, entry["w"], entry["h"], near=near, far=far, kind=kind)
 
     @classmethod
-    def _of_lens(
-        cls, lens: Lens, width: int, height: int, *, near: float, far: float, kind: DepthKind | None
+    def from_lens(
+        cls,
+        lens: Lens,
+        width: int,
+        height: int,
+        *,
+        near: float = 0.0,
+        far: float = math.inf,
+        kind: DepthKind | None = None,
     ) -> Self | LensCamera:
         """Create a pinhole camera if the lens has no distortion and depth is along the axis, else a `LensCamera`."""
+        from warpvis.cameras.base import intrinsics
         from warpvis.cameras.lens_camera import LensCamera
 
         if kind is not None:
             check_choice(kind, "kind", ("z", "range"), CameraError)
-        if lens.is_pinhole and kind != "range":
+        if getattr(lens, "is_pinhole", False) and kind != "range":
             pinhole: Any = cls
-            return pinhole(width, height, *(getattr(lens, name) for name in ("fx", "fy", "cx", "cy")), near, far)
+            return pinhole(width, height, *intrinsics(lens), near, far)
         return LensCamera(lens, width, height, near, far, kind)

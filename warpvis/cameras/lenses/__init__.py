@@ -7,6 +7,7 @@ from __future__ import annotations
 from warpvis.cameras.lenses._closed import EUCM, FOV, Division, DoubleSphere
 from warpvis.cameras.lenses._colmap import (
     COLMAP_NUMBERS as COLMAP_NUMBERS,
+    COLMAP_PINHOLES as COLMAP_PINHOLES,
     colmap_count as colmap_count,
     lens_from_colmap as lens_from_colmap,
     lens_to_colmap as lens_to_colmap,

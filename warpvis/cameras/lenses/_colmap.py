@@ -7,7 +7,7 @@ Source: https://colmap.github.io/cameras.html, ``src/colmap/sensor/models.h``
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from warpvis.cameras.lenses._closed import EUCM, FOV, Division
 from warpvis.cameras.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
-from warpvis.cameras.lenses._lens import Lens
+from warpvis.cameras.lenses._lens import Lens, check_coefficients
 from warpvis.cameras.lenses._panoramas import Equirectangular
 from warpvis.cameras.lenses._pinhole import OpenCVPinhole
 from warpvis.core.checks import check_text
@@ -64,6 +64,9 @@ _MODELS: dict[str, tuple[int, int, _Make]] = {
 COLMAP_NUMBERS = {number: name for name, (number, *_) in _MODELS.items()}
 """Names of COLMAP's models by their numbers in binary files."""
 
+COLMAP_PINHOLES = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV")
+"""Models of COLMAP that are pinhole cameras, with or without distortion."""
+
 _WRITTEN = {
     KannalaBrandt: "OPENCV_FISHEYE",
     ThinPrismFisheye: "THIN_PRISM_FISHEYE",
@@ -82,12 +85,10 @@ def colmap_count(model: str) -> int:
     return _MODELS[model][1]
 
 
-def lens_from_colmap(model: str, parameters: Sequence[float]) -> Lens:
+def lens_from_colmap(model: str, parameters: object) -> Lens:
     """Create a lens from a model of COLMAP. Its pixel centers are at +0.5, as in warpvis."""
-    count = colmap_count(model)
-    if len(parameters) != count:
-        raise CameraError(f"{model} has {count} parameters, got {len(parameters)}")
-    return _MODELS[model][2](tuple(parameters))
+    checked = check_coefficients(parameters, model, (colmap_count(model),), "parameters")
+    return _MODELS[model][2](checked)
 
 
 def lens_to_colmap(lens: Lens) -> tuple[str, tuple[float, ...]]:

@@ -14,22 +14,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from warpvis.cameras import ImageCamera
-from warpvis.cameras.lenses import COLMAP_NUMBERS, colmap_count
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.lenses import COLMAP_NUMBERS, COLMAP_PINHOLES, colmap_count, lens_from_colmap
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
-from warpvis.io.cameras._pinhole import NoPinholeError, make_calibrated, make_pinhole, one_camera
-
-# Indices of fx fy cx cy among the parameters, and the number of parameters including those of the lens.
-_MODELS = {
-    "SIMPLE_PINHOLE": ((0, 0, 1, 2), 3),
-    "PINHOLE": ((0, 1, 2, 3), 4),
-    "SIMPLE_RADIAL": ((0, 0, 1, 2), 4),
-    "RADIAL": ((0, 0, 1, 2), 5),
-    "OPENCV": ((0, 1, 2, 3), 8),
-    "FULL_OPENCV": ((0, 1, 2, 3), 12),
-}
+from warpvis.io.cameras._making import NoPinholeError, make_camera, one_camera
 
 
 class ColmapImage(NamedTuple):
@@ -42,32 +31,26 @@ class ColmapImage(NamedTuple):
     translation: tuple[float, ...]
 
 
-def colmap_lens_camera(path: Path, used: set[int] | None = None) -> ImageCamera | None:
-    """Read the camera of a file with its lens, for all of COLMAP's models; see `colmap_camera`."""
-    rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
-    listed = list(rows)
-    chosen = [row for row in listed if used is None or row.number in used]
-    if not chosen:
-        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
-    kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
-    samples = list(kinds.values())[:2]  # two are enough to know that there are several
-    makes = [partial(Camera.from_colmap, row.model, row.parameters, *row.size) for row in samples]
-    return one_camera([make_calibrated(row.place, make) for row, make in zip(samples, makes, strict=True)], str(path))
-
-
-def colmap_camera(path: Path, used: set[int] | None = None) -> Camera | None:
+def colmap_camera(path: Path, used: set[int] | None = None, *, distortion: bool) -> ImageCamera | None:
     """Read the camera of ``cameras.txt`` or ``cameras.bin``; None, with a warning, if there are several.
 
     Args:
         path: The file.
         used: Ids of the cameras to consider; all by default.
+        distortion: See `make_camera`.
     """
-    rows = _binary_rows(path) if path.suffix == ".bin" else _text_rows(path)
-    found = {row.number: _make(path, row) for row in rows}
-    chosen = [camera for number, camera in found.items() if used is None or number in used]
+    listed = list(_binary_rows(path) if path.suffix == ".bin" else _text_rows(path))
+    chosen = [row for row in listed if used is None or row.number in used]
     if not chosen:
-        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if found else ""))
-    return one_camera(chosen, str(path))
+        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
+    kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
+    return one_camera((_make(row, distortion) for row in kinds.values()), str(path))
+
+
+def _make(row: _Row, distortion: bool) -> ImageCamera:
+    problem = "" if row.model in COLMAP_PINHOLES else f"camera model {row.model}"
+    make_lens = partial(lens_from_colmap, row.model, row.parameters)
+    return make_camera(row.place, row.size, make_lens, distortion=distortion, model=problem)
 
 
 def colmap_images(path: Path) -> list[ColmapImage]:
@@ -84,17 +67,6 @@ class _Row(NamedTuple):
     model: str
     size: tuple[int, int]
     parameters: list[float]
-
-
-def _make(path: Path, row: _Row) -> Camera:
-    _, place, model, size, parameters = row
-    if model not in _MODELS:
-        raise NoPinholeError(f"{place}: camera model {model} is not a pinhole")
-    intrinsics, count = _MODELS[model]
-    if len(parameters) != count:
-        raise FileFormatError(f"{place}: {model} has {count} parameters, got {len(parameters)}")
-    lens = parameters[max(intrinsics) + 1 :]
-    return make_pinhole(place, size, [parameters[k] for k in intrinsics], pixel_center=0.5, distortion=lens)
 
 
 def _text_rows(path: Path) -> Iterator[_Row]:

@@ -5,31 +5,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, overload
 
+import numpy as np
+
 from warpvis.cameras import ImageCamera, camera_from_dict
-from warpvis.cameras.pinhole import Camera, require_camera
-from warpvis.core.checks import as_path, check_flag, describe_exception
+from warpvis.cameras.lenses import lens_from_opencv
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import as_path, check_flag, describe_exception, truncate
 from warpvis.core.file_content import read_json, require_content
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
-from warpvis.io.cameras._colmap import colmap_camera, colmap_lens_camera
-from warpvis.io.cameras._json import (
-    bop_camera,
-    bop_images_camera,
-    is_bop,
-    is_nerfstudio,
-    nerfstudio_camera,
-    nerfstudio_lens_camera,
-)
-from warpvis.io.cameras._pinhole import NoPinholeError
-from warpvis.io.cameras._tum import TUM_FILE, tum_camera
-from warpvis.io.cameras._yaml import xml_lens_camera, yaml_camera, yaml_lens_camera
+from warpvis.io._files import read_lines
+from warpvis.io.cameras._colmap import colmap_camera
+from warpvis.io.cameras._json import bop_camera, bop_images_camera, is_bop, is_nerfstudio, nerfstudio_camera
+from warpvis.io.cameras._making import NoPinholeError, image_size, make_camera
+from warpvis.io.cameras._yaml import xml_camera, yaml_camera
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
 _FROM_FOV = _COMMON | {"hfov", "vfov", "vertical"}
+
+_TUM_FILE = "calibration.txt"
+_TUM_IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
+"""Lists of images, from which the image size is read."""
 
 
 @overload
@@ -68,11 +69,10 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
     if isinstance(name_or_path, str) and name_or_path == "kinect":
         return Camera.kinect()
     path, name = _split_name(as_path(name_or_path, "name_or_path"))
-    with_lens = check_flag(distortion, "distortion", CameraError)
     if not path.is_file():
         raise FileFormatError(f'{path}: no such file; a camera is "kinect" or a file')
     require_content(path, "a camera file", images=False)
-    camera = _read_lens(path, name) if with_lens else _read(path, name)
+    camera = _read(path, name, check_flag(distortion, "distortion", CameraError))
     if camera is None:
         raise FileFormatError(f"{path}: holds no camera of all images")
     return camera
@@ -86,67 +86,76 @@ def _split_name(path: Path) -> tuple[Path, str]:
     return path, ""
 
 
-def _read(path: Path, name: str) -> Camera | None:
+def _read(path: Path, name: str, distortion: bool) -> ImageCamera | None:
     kind = path.suffix.lower()
     if kind in (".yaml", ".yml"):
-        return yaml_camera(path, name)
+        return yaml_camera(path, name, distortion=distortion)
     if name:
         raise FileFormatError(f"{path}: a camera name after a colon is only for YAML files, got {name!r}")
+    if kind == ".xml" and distortion:
+        return xml_camera(path)
     if path.name in ("cameras.txt", "cameras.bin"):
-        return colmap_camera(path)
-    if path.name == TUM_FILE:
-        return require_camera(tum_camera(path, distortion=False))
+        return colmap_camera(path, distortion=distortion)
+    if path.name == _TUM_FILE:
+        return _tum_camera(path, distortion=distortion)
     fields = read_json(path)
-    if isinstance(fields, dict) and is_nerfstudio(fields):
-        return nerfstudio_camera(path, fields)
-    if isinstance(fields, dict) and is_bop(fields):
+    if not isinstance(fields, dict):
+        raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
+    if is_nerfstudio(fields):
+        return nerfstudio_camera(path, fields, distortion=distortion)
+    if is_bop(fields):
         return bop_camera(path, fields)
-    if isinstance(fields, dict) and any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values()):
+    if any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values()):
         return bop_images_camera(path, fields)
-    return _camera_from_fields(fields, path)
-
-
-def _read_lens(path: Path, name: str) -> ImageCamera | None:
-    """Read a camera that may have a lens; BOP's and warpvis's files without ``lens`` have none."""
-    kind = path.suffix.lower()
-    if kind in (".yaml", ".yml"):
-        return yaml_lens_camera(path, name)
-    if not name and kind == ".xml":
-        return xml_lens_camera(path)
-    if not name and path.name in ("cameras.txt", "cameras.bin"):
-        return colmap_lens_camera(path)
-    if not name and path.name == TUM_FILE:
-        return tum_camera(path, distortion=True)
-    if not name and kind == ".json":
-        fields = read_json(path)
-        if isinstance(fields, dict) and is_nerfstudio(fields):
-            return nerfstudio_lens_camera(path, fields)
-        if isinstance(fields, dict) and "lens" in fields:
-            return _own_lens_camera(path, fields)
-    return _read(path, name)
-
-
-def _own_lens_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera:
+    if "lens" in fields and not distortion:
+        raise NoPinholeError(f"{path}: the camera has a lens, so it is not a pinhole")
     try:
-        return camera_from_dict(fields)
+        return camera_from_dict(fields) if "lens" in fields else _camera_from_fields(fields)
     except CameraError as error:
         raise CameraError(f"{path}: {describe_exception(error)}") from None
 
 
-def _camera_from_fields(fields: Json, path: Path) -> Camera:
-    if not isinstance(fields, dict):
-        raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
+def _camera_from_fields(fields: Mapping[str, Json]) -> Camera:
     known = _FROM_K if "K" in fields else _FROM_FOV
-    if "lens" in fields:
-        raise NoPinholeError(f"{path}: the camera has a lens, so it is not a pinhole")
     unknown, missing = sorted(fields.keys() - known), sorted({"width", "height"} - fields.keys())
     if unknown or missing:
         problem = f"unknown {', '.join(unknown)}" if unknown else f"missing {', '.join(missing)}"
-        raise CameraError(f"{path}: {problem}; a camera file may hold {', '.join(sorted(known))}")
-    arguments: dict[str, Any] = fields  # `Camera` checks the values
+        raise CameraError(f"{problem}; a camera file may hold {', '.join(sorted(known))}")
+    arguments: dict[str, Any] = dict(fields)  # `Camera` checks the values
     try:
         return Camera.from_K(**arguments) if "K" in fields else Camera.from_fov(**arguments)
-    except CameraError as error:
-        raise CameraError(f"{path}: {describe_exception(error)}") from None
     except TypeError:
-        raise CameraError(f"{path}: sizes, fields of view and ranges must be numbers") from None
+        raise CameraError("sizes, fields of view and ranges must be numbers") from None
+
+
+def _tum_camera(path: Path, *, distortion: bool) -> ImageCamera:
+    """Read the camera, whose pixel centers are at whole numbers; the image size is that of an image next to it."""
+    expected = "fx fy cx cy, or those and k1 k2 p1 p2 k3"
+    for number, line in enumerate(read_lines(path, expected), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            values = []
+        if len(values) not in (4, 9):
+            raise FileFormatError(f"{path}:{number}: expected {expected}, got {truncate(line, 60)!r}")
+        size, (fx, fy, cx, cy, *lens) = _tum_size(path), values
+        matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+        return make_camera(str(path), size, partial(lens_from_opencv, matrix, lens), distortion=distortion)
+    raise FileFormatError(f"{path}: expected {expected}, and holds no numbers")
+
+
+def _tum_size(path: Path) -> tuple[int, int]:
+    for name in _TUM_IMAGES:
+        if not (path.parent / name).is_file():
+            continue
+        rows = (line.split() for line in read_lines(path.parent / name, "timestamp filename"))
+        images = [row[1] for row in rows if len(row) > 1 and not row[0].startswith("#")]
+        size = image_size(path.parent, images[:1])
+        if size is not None:
+            return size
+    raise FileFormatError(
+        f"{path}: does not define the image size, and there is no image next to it that {_TUM_IMAGES[0]} lists"
+    )

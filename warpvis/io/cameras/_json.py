@@ -15,15 +15,13 @@ from functools import partial
 from pathlib import Path
 
 from warpvis.cameras import ImageCamera
-from warpvis.cameras.lenses import NERF_PINHOLES, nerfstudio_distortion, nerfstudio_model
-from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import describe_exception
+from warpvis.cameras.lenses import NERF_PINHOLES, Lens, lens_from_nerfstudio, nerfstudio_model
 from warpvis.core.file_content import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
-from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
+from warpvis.errors import IntrinsicsWarning
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._pinhole import NoPinholeError, image_size, make_calibrated, make_pinhole, one_camera
+from warpvis.io.cameras._making import NoPinholeError, checked, image_size, make_camera, make_pinhole, one_camera
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _NERF_ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
@@ -43,18 +41,21 @@ def is_bop(fields: Mapping[str, Json]) -> bool:
     return fields.keys() >= _BOP_CAMERA
 
 
-def nerfstudio_lens_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera | None:
-    """Read the camera of all frames with its lens; None if not given, or, with a warning, if there are several."""
-    kinds: dict[str, dict[str, Json]] = {}
+def nerfstudio_camera(path: Path, fields: Mapping[str, Json], *, distortion: bool) -> ImageCamera | None:
+    """Read the camera of all frames; None if not given, or, with a warning, if there are several."""
+    kinds: dict[tuple[Lens, tuple[float, float]], None] = {}  # a set in the order of the file
     for entry, frames in _nerfstudio_entries(fields):
+        model = checked(str(path), partial(nerfstudio_model, entry))
         numbers = _nerfstudio_numbers(path, entry, frames)
+        if model not in NERF_PINHOLES and not distortion:
+            raise NoPinholeError(f"{path}: camera_model {shorten(model)} is not a pinhole")
         if numbers is not None:
-            parameters = {name: entry[name] for name in (*_NERF_LENS, *_NGP_LENS) if name in entry}
-            parameters |= dict(zip(_NERF_NUMBERS, (*numbers[1], *numbers[0]), strict=True))
-            kinds.setdefault(repr(parameters), parameters)
-    samples = list(kinds.values())[:2]  # two are enough to know that there are several
-    makes = [partial(Camera.from_nerfstudio, parameters) for parameters in samples]
-    return one_camera([make_calibrated(str(path), make) for make in makes], str(path))
+            kinds[checked(str(path), partial(lens_from_nerfstudio, entry, *numbers)), numbers[0]] = None
+
+    def make(lens: Lens, size: tuple[float, float]) -> ImageCamera:
+        return make_camera(str(path), size, lambda: lens, distortion=distortion)
+
+    return one_camera((make(*kind) for kind in kinds), str(path))
 
 
 def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json], list[dict[str, Json]]]]:
@@ -64,26 +65,6 @@ def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json
     names = (*_NERF_NUMBERS, *_NERF_ANGLES, *_NERF_LENS, *_NGP_LENS)
     cameras = [{**fields, **frame} for frame in listed if any(name in frame for name in names)]
     return [(entry, listed) for entry in cameras or [dict(fields)]]
-
-
-def nerfstudio_camera(path: Path, fields: Mapping[str, Json]) -> Camera | None:
-    """Read the camera of all frames; None if not given, or, with a warning, if there are several."""
-    cameras = [_nerfstudio_camera(path, entry, frames) for entry, frames in _nerfstudio_entries(fields)]
-    return one_camera([camera for camera in cameras if camera is not None], str(path))
-
-
-def _nerfstudio_camera(path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]) -> Camera | None:
-    try:
-        model, lens = nerfstudio_model(fields), nerfstudio_distortion(fields)
-    except CameraError as error:
-        raise FileFormatError(f"{path}: {describe_exception(error)}") from None
-    if model not in NERF_PINHOLES:
-        raise NoPinholeError(f"{path}: camera_model {shorten(model)} is not a pinhole")
-    numbers = _nerfstudio_numbers(path, fields, frames)
-    if numbers is None:
-        return None
-    size, intrinsics = numbers
-    return make_pinhole(str(path), size, intrinsics, pixel_center=0.5, distortion=lens)
 
 
 def _nerfstudio_numbers(
@@ -134,15 +115,15 @@ def _nerfstudio_size(
     return image_size(path.parent, [name, f"{name}.png"])
 
 
-def bop_camera(path: Path, fields: Mapping[str, Json]) -> Camera:
+def bop_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera:
     """Read BOP's ``camera.json``."""
     width, height, *intrinsics = (
         as_numbers(fields[name], (), f"{path}: {name}").item() for name in ("width", "height", "fx", "fy", "cx", "cy")
     )
-    return make_pinhole(str(path), (width, height), intrinsics, pixel_center=0.0)
+    return make_pinhole(str(path), (width, height), intrinsics)
 
 
-def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
+def bop_images_camera(path: Path, images: Mapping[str, Json]) -> ImageCamera | None:
     """Read the camera of all images of a ``scene_camera.json``.
 
     The image size is that of a picture next to it, or that of the dataset's ``camera.json``. None if neither exists,
@@ -153,10 +134,7 @@ def bop_images_camera(path: Path, images: Mapping[str, Json]) -> Camera | None:
     if size is None:
         return None
     matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in entries}
-    cameras = [
-        make_pinhole(str(path), size, (fx, fy, cx, cy), pixel_center=0.0)
-        for fx, _, cx, _, fy, cy, *_ in sorted(matrices)
-    ]
+    cameras = (make_pinhole(str(path), size, (fx, fy, cx, cy)) for fx, _, cx, _, fy, cy, *_ in sorted(matrices))
     return one_camera(cameras, str(path))
 
 

@@ -15,12 +15,13 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from warpvis.cameras import ImageCamera
+from warpvis.cameras.lenses import lens_from_kalibr
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, is_number
 from warpvis.core.file_content import load_yaml
-from warpvis.errors import CameraError, FileFormatError, MessageError
+from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._pinhole import make_calibrated, make_pinhole
+from warpvis.io.cameras._making import checked, make_camera
 
 _NAMES = {
     "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix"),
@@ -33,29 +34,27 @@ _NAMES = {
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
 
 
-def yaml_camera(path: Path, name: str = "") -> Camera:
-    """Read a camera of a YAML file, without its lens: for ROS, that of the rectified images.
+def yaml_camera(path: Path, name: str = "", *, distortion: bool) -> ImageCamera:
+    """Read a camera of a YAML file: for ROS, that of the raw images with `distortion`, else of the rectified ones.
 
     Args:
         path: The file.
         name: Name of a Kalibr camera, ``cam0``; required if there are several.
+        distortion: See `make_camera`; OpenCV's files require it.
     """
     data = _load(path)
-    if "image_width" in data:
+    if distortion and any(found in data for names in _NAMES.values() for found in names):
+        return opencv_camera(path, _only(path, data, name))
+    if not distortion and "image_width" in data:
         return _ros_camera(path, _only(path, data, name))
-    return _kalibr_camera(*_choose(path, data, name))
-
-
-def yaml_lens_camera(path: Path, name: str = "") -> ImageCamera:
-    """Read a camera of a YAML file with its lens: for ROS and OpenCV, that of the raw images; see `yaml_camera`."""
-    data = _load(path)
-    if any(found in data for names in _NAMES.values() for found in names):
-        return opencv_lens_camera(path, _only(path, data, name))
     place, entry = _choose(path, data, name)
-    return make_calibrated(place, partial(Camera.from_kalibr, entry))
+    model = entry.get("camera_model", "pinhole")
+    problem = "" if model == "pinhole" else f"camera_model {shorten(model)}"
+    size = as_numbers(entry.get("resolution"), (2,), f"{place}: resolution").tolist()
+    return make_camera(place, size, partial(lens_from_kalibr, entry), distortion=distortion, model=problem)
 
 
-def xml_lens_camera(path: Path) -> ImageCamera:
+def xml_camera(path: Path) -> ImageCamera:
     """Read the camera of an OpenCV XML file, with its lens."""
     from xml.etree import ElementTree
 
@@ -72,10 +71,10 @@ def xml_lens_camera(path: Path) -> ImageCamera:
         data[item.tag] = text if numbers is None else {"data": [_number(word) for word in numbers.split()]}
         if numbers is None:
             data[item.tag] = _number(text)
-    return opencv_lens_camera(path, data)
+    return opencv_camera(path, data)
 
 
-def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
+def opencv_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
     """Create the camera of the raw images from OpenCV's or ROS's calibration."""
     entries = {}
     for key, names in _NAMES.items():
@@ -90,9 +89,9 @@ def opencv_lens_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
     k = numbers.reshape(3, 3)
     if model is not None:
         info = SimpleNamespace(width=size[0], height=size[1], k=k, d=d or [], distortion_model=str(model))
-        return make_calibrated(str(path), partial(Camera.from_raw_camera_info, info))
+        return checked(str(path), partial(Camera.from_raw_camera_info, info))
     kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
-    return make_calibrated(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
+    return checked(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
 
 
 def _number(word: str) -> float | str:
@@ -145,10 +144,8 @@ def _ros_camera(path: Path, data: Mapping[str, Any]) -> Camera:
         binning_y=0,
         roi=SimpleNamespace(x_offset=0, y_offset=0, width=0, height=0, do_rectify=False),
     )
-    try:
-        return Camera.from_camera_info(info, rectified=matrices["projection_matrix"] is not None)
-    except (CameraError, MessageError) as error:
-        raise FileFormatError(f"{path}: {describe_exception(error)}") from None
+    rectified = matrices["projection_matrix"] is not None
+    return checked(str(path), partial(Camera.from_camera_info, info, rectified=rectified))
 
 
 def _matrix(path: Path, data: Mapping[str, Any], name: str, count: int) -> list[float] | None:
@@ -156,16 +153,6 @@ def _matrix(path: Path, data: Mapping[str, Any], name: str, count: int) -> list[
     if not isinstance(entry, dict):
         return None
     return as_numbers(entry.get("data"), (count,), f"{path}: {name}").tolist()
-
-
-def _kalibr_camera(place: str, entry: Mapping[str, Any]) -> Camera:
-    model = entry.get("camera_model", "pinhole")
-    if model != "pinhole":
-        raise FileFormatError(f"{place}: camera_model {shorten(model)} is not a pinhole")
-    size = as_numbers(entry.get("resolution"), (2,), f"{place}: resolution").tolist()
-    intrinsics = as_numbers(entry.get("intrinsics"), (4,), f"{place}: intrinsics").tolist()
-    lens = _floats(entry.get("distortion_coeffs"))
-    return make_pinhole(place, size, intrinsics, pixel_center=0.0, distortion=lens)
 
 
 def _floats(value: object) -> list[float]:

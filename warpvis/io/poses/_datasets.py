@@ -19,9 +19,9 @@ from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._colmap import colmap_camera, colmap_images, colmap_lens_camera
-from warpvis.io.cameras._json import bop_images_camera, nerfstudio_camera, nerfstudio_lens_camera
-from warpvis.io.cameras._pinhole import camera_of_poses
+from warpvis.io.cameras._colmap import colmap_camera, colmap_images
+from warpvis.io.cameras._json import bop_images_camera, nerfstudio_camera
+from warpvis.io.cameras._making import camera_of_poses
 from warpvis.io.poses._file_poses import FilePoses
 
 _MILLIMETERS = 1000.0
@@ -80,8 +80,7 @@ def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> Fil
         warn_user(
             f"{path}: rolling_shutter is not read: each frame has the one pose of its transform_matrix", UserWarning
         )
-    read = nerfstudio_lens_camera if distortion else nerfstudio_camera
-    camera = camera_of_poses(lambda: read(path, data))
+    camera = camera_of_poses(lambda: nerfstudio_camera(path, data, distortion=distortion))
     return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl", camera=camera)
 
 
@@ -100,8 +99,9 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     poses = _inverse(rotations, translations)
     cameras_file = path.with_name("cameras" + path.suffix)
     used = {image.camera for image in images}
-    read = colmap_lens_camera if distortion else colmap_camera
-    camera = camera_of_poses(lambda: read(cameras_file, used)) if images and cameras_file.is_file() else None
+    camera = None
+    if images and cameras_file.is_file():
+        camera = camera_of_poses(lambda: colmap_camera(cameras_file, used, distortion=distortion))
     return FilePoses(poses, lambda index: f"{path}: image {truncate(images[index].name)!r}", camera=camera)
 
 

@@ -19,7 +19,7 @@ from warpvis.core.file_content import reading, require_package
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._files import check_mcap
-from warpvis.io.cameras._pinhole import one_camera
+from warpvis.io.cameras._making import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
 _OPTICAL = "_optical_frame"
