@@ -23,19 +23,19 @@ def measure_incidence(
     rays_to_world: wp.array[wp.transform],
     window: Window,
     # In:
-    directions_in: wp.array3d[wp.vec3],
+    directions_in: wp.array2d[wp.vec3],
     normals_in: wp.array3d[wp.vec3],
     # Out:
     incidence_out: wp.array3d[float],
 ):
     """Write the absolute cosine between every ray and the surface normal at its hit; NaN for a miss.
 
-    `directions_in` contains unit vectors in the frame of the poses, (1, y, x).
+    `directions_in` contains unit vectors in the frame of the poses.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
-    along = wp.transform_vector(rays_to_world[view], directions_in[0, y, x])
+    along = wp.transform_vector(rays_to_world[view], directions_in[y, x])
     incidence_out[view, y, x] = wp.abs(wp.dot(along, normals_in[view, y, x]))
 
 

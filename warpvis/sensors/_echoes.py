@@ -102,40 +102,29 @@ def measure_incidence(
     Returns:
         Cosines, shape ``(V, *rays)``, float32; NaN where a ray hits nothing.
     """
-    from warpvis.kernels.sensors import echoes
-
     require_rays(rays)
     normals = require_image(views, "normals")
     device = normals.device
+    times: list[wp.array | None] = []
     if isinstance(sensor_to_world, Motion):
-        return _measure_moving_incidence(normals, rays, sensor_to_world, convention, out)
-    named = rays.axes if convention is None else convention
-    sensor_to_world = to_xyzw(sensor_to_world, quaternion, "sensor_to_world")
-    poses = parse_poses(sensor_to_world, convention=named, axes=rays.axes, device=device, name="sensor_to_world")
-    check_shape(normals.shape, (len(poses), *rays.shape), name="normals")
-    directions = rays.directions.astype(np.float32).reshape(1, -1, 3)
-    along = wp.array(directions, dtype=wp.vec3, device=device).reshape(_as_image(rays.shape, 1))
+        from warpvis.kernels.casting.moving_rays import measure_moving_incidence as kernel
+
+        sensor, count = parse_sensor(rays, sensor_to_world, convention, device)
+        shape, dtype = _as_image(rays.shape, count), wp.vec3d
+        moments = rays.times
+        times = [None if moments is None else wp.array(moments.reshape(shape[1:]), dtype=wp.float64, device=device)]
+    else:
+        from warpvis.kernels.sensors.echoes import measure_incidence as kernel
+
+        named = rays.axes if convention is None else convention
+        rows = to_xyzw(sensor_to_world, quaternion, "sensor_to_world")
+        sensor = parse_poses(rows, convention=named, axes=rays.axes, device=device, name="sensor_to_world")
+        shape, dtype = _as_image(rays.shape, len(sensor)), wp.vec3
+    check_shape(normals.shape, (shape[0], *rays.shape), name="normals")
+    along = wp.array(rays.directions.reshape(*shape[1:], 3), dtype=dtype, device=device)
     out = _output(out, normals.shape, "out", device)
-    shape = _as_image(rays.shape, len(poses))
-    inputs = [along, normals.reshape(shape), out.reshape(shape)]
-    launch_images(echoes.measure_incidence, shape, lambda window: [poses, window, *inputs], device=device)
-    return out
-
-
-def _measure_moving_incidence(
-    normals: wp.array, rays: Rays, motion: Motion, convention: Convention | None, out: wp.array | None
-) -> wp.array:
-    from warpvis.kernels.casting.moving_rays import measure_moving_incidence
-
-    device = normals.device
-    sensor, views = parse_sensor(rays, motion, convention, device)
-    check_shape(normals.shape, (views, *rays.shape), name="normals")
-    shape = _as_image(rays.shape, views)
-    along = wp.array(rays.directions.reshape(*shape[1:], 3), dtype=wp.vec3d, device=device)
-    times = None if rays.times is None else wp.array(rays.times.reshape(shape[1:]), dtype=wp.float64, device=device)
-    out = _output(out, normals.shape, "out", device)
-    inputs = [along, times, normals.reshape(shape), out.reshape(shape)]
-    launch_images(measure_moving_incidence, shape, lambda window: [sensor, window, *inputs], device=device)
+    inputs = [along, *times, normals.reshape(shape), out.reshape(shape)]
+    launch_images(kernel, shape, lambda window: [sensor, window, *inputs], device=device)
     return out
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +19,6 @@ from warpvis.errors import CameraError
 
 Direction = Literal["top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left"]
 """Direction of readout."""
-
-_DIRECTIONS = ("top_to_bottom", "bottom_to_top", "left_to_right", "right_to_left")
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class RollingShutter(RayCamera):
     def __post_init__(self) -> None:
         require_image_camera(self.camera)
         object.__setattr__(self, "readout", check_number(self.readout, "readout", minimum=0.0, error=CameraError))
-        check_choice(self.direction, "direction", _DIRECTIONS, CameraError)
+        check_choice(self.direction, "direction", get_args(Direction), CameraError)
 
     @property
     def width(self) -> int:  # type: ignore[override]

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field, fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import warp as wp
@@ -69,10 +69,14 @@ class Device(DepthSensor):
         reflectivities(scene, self.reflectivity)
         return super().check(scene, camera)
 
-    def reflectivity_of_objects(self, exposure: Exposure) -> wp.array:
-        """Return the reflectivity of each object of the scene, on its device, shape ``(objects,)``."""
-        values = reflectivities(exposure.scene, self.reflectivity)
-        return wp.array(values, dtype=wp.float32, device=exposure.scene.device)
+    def set_surfaces(self, inputs: Any, exposure: Exposure) -> None:
+        """Set the normals, segmentation and reflectivity of objects in a struct of kernels, as far as they are read."""
+        if exposure.normals is not None:
+            inputs.normals = exposure.normals
+        if exposure.segmentation is not None:
+            inputs.segmentation = exposure.segmentation
+            values = reflectivities(exposure.scene, self.reflectivity)
+            inputs.reflectivity = wp.array(values, dtype=wp.float32, device=exposure.scene.device)
 
 
 class ByValue:
@@ -92,9 +96,7 @@ class ByValue:
 def closest_first(reach: int, max_squared: int | None = None) -> NDArray[np.int32]:
     """Return offsets (column, row) to the pixels of a window by increasing distance, then by rows, shape ``(N, 2)``.
 
-    Args:
-        reach: Half the side of the window [px].
-        max_squared: Maximum squared distance [px^2]; unlimited by default.
+    `reach` is half the side of the window [px], and `max_squared` the maximum squared distance [px^2].
     """
     offsets = np.arange(-reach, reach + 1, dtype=np.int32)
     row, column = (grid.ravel() for grid in np.meshgrid(offsets, offsets, indexing="ij"))

@@ -16,6 +16,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
 from warpvis.rendering import Views, pixel_type, view_numbers, views_for
+from warpvis.sensors._echoes import require_image
 
 _DELAYED = ("depth", "points", "reasons")
 _MAX_FRAMES = 1024
@@ -68,12 +69,8 @@ class Latency:
         """
         from warpvis.kernels.sensors.latency import SensorImages, delay_images
 
-        if not isinstance(views, Views):
-            raise ArrayError(f"views must be warpvis.Views, got {type(views).__name__}")
+        depth = require_image(views, "depth")
         names = tuple(name for name in _DELAYED if getattr(views, name) is not None)
-        if "depth" not in names:
-            raise ArrayError("views must have depth. Add it to outputs.")
-        depth = views.depth
         numbers = self._number(len(depth), frame)
         history = self._allocate(views, names)
         written = views_for(names, depth.shape, depth.device, out)

@@ -4,7 +4,7 @@
 
 Geometry (baseline, image size, field of view, disparities) and ranges are from the manufacturers. Noise has been
 specified, measured or published for the device or for similar devices, without ambient light; see the docstrings. Use
-`dataclasses.replace` to change parameters of a profile.
+`dataclasses.replace` to change parameters of a profile. The width and height of images are in pixels.
 """
 
 from __future__ import annotations
@@ -47,10 +47,6 @@ def realsense_d415(width: int = 1280, height: int = 720) -> StereoDepth:
 
     Baseline and field of view: Intel's data sheet of the D400 series. With fewer pixels, disparities are smaller: the
     minimum depth decreases and noise increases, as on the device.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     return _realsense(width, height, hfov=65.0, baseline=0.055)
 
@@ -60,10 +56,6 @@ def realsense_d435(width: int = 848, height: int = 480) -> StereoDepth:
 
     Baseline: Intel's data sheet of the D400 series. The focal length at a width of 848 px is 424 px, that of 90
     degrees, as in rotors_simulator; SAPIEN's calibrated device has 430 px.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     return _realsense(width, height, hfov=90.0, baseline=0.05)
 
@@ -72,10 +64,6 @@ def realsense_d455(width: int = 848, height: int = 480) -> StereoDepth:
     """Return an Intel RealSense D455: active stereo with a baseline of 95 mm, 87 degrees, 0.34 to 10 m at 848x480.
 
     Baseline and field of view: Intel's data sheet of the D400 series.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     return _realsense(width, height, hfov=87.0, baseline=0.095)
 
@@ -85,10 +73,6 @@ def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
 
     Focal length, baseline, 95 disparities, range, and noise of 0.2 px with a correlation length of 2 px are from a
     user's profile for NVIDIA's simulator. Disparities have 3 fractional bits, Luxonis' default.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     focal, baseline, disparities = _scaled(805.0, 1280, width), 0.075, 95.0
     return StereoDepth(
@@ -114,10 +98,6 @@ def kinect_v1(width: int = 640, height: int = 480) -> StereoDepth:
     Odometry", ICRA 2014). There is no invalid band, because the projector illuminates more than the image. The device
     measures at 640x480. Images of other sizes are treated as resampled: windows scale with the width, disparities do
     not.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     return _structured_light(_camera(width, height, _scaled(580.0, 640, width), 0.5, 5.0), 0.075, 580.0)
 
@@ -127,10 +107,6 @@ def structure(width: int = 640, height: int = 480) -> StereoDepth:
 
     Field of view and range are from the manufacturer. The baseline is unconfirmed. Noise is that of a Kinect, which has
     the same chip.
-
-    Args:
-        width: Image width [px].
-        height: Image height [px].
     """
     return _structured_light(_camera(width, height, _focal(width, 58.0), 0.4, 3.5), 0.065, _focal(640, 58.0))
 

@@ -137,9 +137,7 @@ def _normal_pdf(x: NDArray[np.float64]) -> NDArray[np.float64]:
 def correlation(walls: list[Wall], rounding: float) -> NDArray[np.float64]:
     """Return the autocorrelation of 1 / z about the planes, along rows and columns, at lags of 0, 1, 2, ... px.
 
-    Args:
-        walls: The images.
-        rounding: Variance of the rounding error [1/m^2], which is uncorrelated between pixels.
+    `rounding` is the variance of the rounding error [1/m^2], which is uncorrelated between pixels.
     """
     max_lag = min(_MAX_LAG, *(min(wall.known.shape) // 4 for wall in walls))
     sums, counts = np.zeros(max_lag + 1), np.zeros(max_lag + 1)

@@ -247,11 +247,7 @@ class StereoDepth(Device):
         inputs = StereoViews()
         inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
         inputs.column_slopes, inputs.row_slopes = _slopes(exposure.camera, exposure.scene.device)
-        if exposure.normals is not None:
-            inputs.normals = exposure.normals
-        if exposure.segmentation is not None:
-            inputs.segmentation = exposure.segmentation
-            inputs.reflectivity = self.reflectivity_of_objects(exposure)
+        self.set_surfaces(inputs, exposure)
         if self._smooth:
             self._draw_nodes(exposure, inputs)
         return inputs
@@ -286,14 +282,7 @@ def _check_at_most(value: int, name: str, maximum: int) -> None:
 
 
 def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exposure:
-    """Return the exposure with nearer surfaces spread over farther ones.
-
-    Args:
-        exposure: The exact images.
-        reach: Maximum distance of spreading [px].
-        scale: Focal length times baseline [px m].
-        step: Minimum difference of disparity between different surfaces [px].
-    """
+    """Return the exposure with nearer surfaces spread over farther ones, up to a reach [px]; see `FatteningModel`."""
     from warpvis.kernels.sensors.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
 
     shape, device = exposure.true_depth.shape, exposure.scene.device

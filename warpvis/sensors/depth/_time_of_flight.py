@@ -15,7 +15,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.core.arrays import empty
-from warpvis.core.checks import check_angle, check_flag, check_number, is_number
+from warpvis.core.checks import as_items, check_angle, check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
@@ -89,13 +89,10 @@ class TimeOfFlight(Device):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if is_number(self.frequencies):
-            numbers: tuple[Any, ...] = (self.frequencies,)
-        elif isinstance(self.frequencies, Sequence | np.ndarray) and not isinstance(self.frequencies, str | bytes):
-            numbers = tuple(self.frequencies)
-        else:
-            numbers = ()
-        if not 1 <= len(numbers) <= _MAX_FREQUENCIES or not all(_is_frequency(number) for number in numbers):
+        numbers = [self.frequencies] if is_number(self.frequencies) else as_items(self.frequencies, "frequencies")
+        if not 1 <= len(numbers) <= _MAX_FREQUENCIES or not all(
+            is_number(number) and 1 <= number <= 1e12 and number == int(number) for number in numbers
+        ):
             raise ArrayError(f"frequencies must be 1 to 3 whole numbers of Hz from 1 to 1e12, got {self.frequencies!r}")
         frequencies = tuple(sorted({int(number) for number in numbers}, reverse=True))
         object.__setattr__(self, "frequencies", tuple(float(number) for number in frequencies))
@@ -169,10 +166,8 @@ class TimeOfFlight(Device):
         from warpvis.kernels.sensors.time_of_flight import FlightViews
 
         inputs = FlightViews()
-        inputs.true_depth, inputs.normals, inputs.draws = exposure.true_depth, exposure.normals, exposure.draws
-        if exposure.segmentation is not None:
-            inputs.segmentation = exposure.segmentation
-            inputs.reflectivity = self.reflectivity_of_objects(exposure)
+        inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
+        self.set_surfaces(inputs, exposure)
         return inputs
 
     def _mix(
@@ -240,10 +235,6 @@ def _number_edges(slots: wp.array, size: int) -> wp.array:
     wp.utils.array_scan(flags.flatten(), sums.flatten(), inclusive=True)
     launch(number_edges, slots.shape, [sums, slots, pixels], device)
     return pixels
-
-
-def _is_frequency(value: object) -> bool:
-    return is_number(value) and 1 <= value <= 1e12 and value == int(value)
 
 
 def _check_positive(value: object, name: str) -> None:

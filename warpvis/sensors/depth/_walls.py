@@ -88,16 +88,12 @@ class Wall:
 
 
 def measure_wall(depth: NDArray[np.floating], camera: Camera, region: float, name: str) -> Wall:
-    """Fit a plane to a depth image.
+    """Fit a plane to planar depth [m], ``(H, W)``; 0 or not finite where there is no depth.
 
-    Args:
-        depth: Planar depth [m], shape ``(H, W)``; 0 or not finite where there is no depth.
-        camera: Its intrinsics.
-        region: Fraction of the width and height of the image to evaluate, about its center.
-        name: Name of the image in messages.
+    `region` is the fraction of the width and height of the image to evaluate, about its center.
 
     Raises:
-        ArrayError: If the image shows no wall.
+        ArrayError: If the image shows no wall; the message begins with `name`.
     """
     valid = np.isfinite(depth) & (depth > 0)
     inverse = np.where(valid, 1.0 / np.where(valid, depth.astype(np.float64), 1.0), np.nan)

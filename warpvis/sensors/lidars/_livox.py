@@ -8,6 +8,7 @@ import importlib.util
 import math
 import os
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -34,25 +35,18 @@ _MODELS = {
 _HEADER = "Time/s,Azimuth/deg,Zenith/deg"
 
 
+@dataclass(eq=False, repr=False)
 class Livox:
-    """The scan pattern of a Livox lidar; `frame` returns the rays of a frame."""
+    """The scan pattern of a Livox lidar, with samples in scan order; `frame` returns the rays of a frame."""
 
-    def __init__(
-        self,
-        azimuth: NDArray[np.float64],
-        elevation: NDArray[np.float64],
-        samples_per_second: int,
-        lines: int = 1,
-    ) -> None:
-        """Create a pattern from the angles of its samples [rad] in scan order; see the attributes."""
-        self.azimuth = azimuth
-        """Angles of all samples from x toward y, that is to the left [rad]."""
-        self.elevation = elevation
-        """Angles of all samples above the horizontal plane [rad]."""
-        self.samples_per_second = samples_per_second
-        """Number of samples per second."""
-        self.lines = lines
-        """Number of lasers, which take samples in turn."""
+    azimuth: NDArray[np.float64]
+    """Angles of all samples from x toward y, that is to the left [rad]."""
+    elevation: NDArray[np.float64]
+    """Angles of all samples above the horizontal plane [rad]."""
+    samples_per_second: int
+    """Number of samples per second."""
+    lines: int = 1
+    """Number of lasers, which take samples in turn."""
 
     def frame(
         self,

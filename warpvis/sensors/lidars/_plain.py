@@ -21,13 +21,9 @@ _TURN = 2.0 * math.pi
 def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
     """Return unit vectors of the sensor frame (x forward, y left, z up), shape ``(..., 3)``.
 
-    Args:
-        azimuth: Angles from x toward y, that is to the left [rad].
-        elevation: Angles above the horizontal plane [rad]. Both are broadcast against each other.
+    The azimuth is counted from x toward y, the elevation from the horizontal plane [rad]. They are broadcast.
     """
-    azimuth, elevation = np.broadcast_arrays(
-        np.asarray(azimuth, dtype=np.float64), np.asarray(elevation, dtype=np.float64)
-    )
+    azimuth, elevation = np.broadcast_arrays(np.float64(azimuth), np.float64(elevation))
     horizontal = np.cos(elevation)
     return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
@@ -134,17 +130,8 @@ def bpearl(
     """Return the rays of a RoboSense RS-Bpearl: a hemisphere about z, 32 beams at elevations of 2.3125 to 89.5 degrees.
 
     The elevations are those of Isaac Lab's ``BpearlPatternCfg`` (``patterns_cfg.py`` at 11cfcd98), in steps of 2.8125
-    degrees.
-
-    Args:
-        increment: Angle between consecutive columns, to the left [rad]; the default of 0.2 degrees is the device's at
-            10 Hz. Isaac Lab's default is 10 degrees.
-        rate: Revolutions per second, for the times of columns; by default rays have no times.
-        near: Minimum measured range [m].
-        far: Maximum measured range [m].
-
-    Returns:
-        Rays of shape ``(32, columns)``, the highest beam first; rings are counted from the lowest.
+    degrees. The default increment of 0.2 degrees is the device's at 10 Hz; Isaac Lab's is 10 degrees. See `even` for
+    arguments, result and errors.
     """
     elevation = np.radians(89.5 - 2.8125 * np.arange(32))
     return _rotate_beams(elevation, _columns(-math.pi, math.pi, increment, 32), rate, near, far)

@@ -185,16 +185,7 @@ def _lasers(elevation: object, azimuth_offset: object, *, focal: float) -> _Lase
 def _spin(
     lasers: _Lasers, rate: float, cycle: float, firing_times: NDArray[np.floating], near: float, far: float
 ) -> Rays:
-    """Return the rays of one revolution.
-
-    Args:
-        lasers: The lasers.
-        rate: Revolutions per second.
-        cycle: Duration of a firing cycle of all lasers [s].
-        firing_times: Time of each laser within the cycle [s].
-        near: Minimum measured range [m].
-        far: Maximum measured range [m].
-    """
+    """Return the rays of one revolution, from the duration of a firing cycle and each laser's time within it [s]."""
     rate = check_number(rate, "rate", minimum=5.0, maximum=20.0, error=CameraError)
     columns = math.floor(1.0 / (rate * cycle))
     rows = np.argsort(-lasers.elevation, kind="stable")
