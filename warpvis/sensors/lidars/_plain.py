@@ -23,7 +23,7 @@ def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float6
 
     The azimuth is counted from x toward y, the elevation from the horizontal plane [rad]. They are broadcast.
     """
-    azimuth, elevation = np.broadcast_arrays(np.float64(azimuth), np.float64(elevation))
+    azimuth, elevation = np.broadcast_arrays(*(np.asarray(angles, dtype=np.float64) for angles in (azimuth, elevation)))
     horizontal = np.cos(elevation)
     return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=-1)
 
