@@ -267,7 +267,7 @@ def test_colmap_models_round_trip(model):
 def test_unsupported_colmap_models_are_rejected():
     with pytest.raises(CameraError, match="COLMAP has no camera model PANINI; its models are SIMPLE_PINHOLE, "):
         lens_from_colmap("PANINI", F)
-    with pytest.raises(CameraError, match="EUCM has 6 parameters, got 4"):
+    with pytest.raises(CameraError, match="parameters of EUCM must be 6 numbers, got 4"):
         lens_from_colmap("EUCM", F)
     for name in ("opencv 12", "double sphere", "ftheta", "cylindrical"):
         with pytest.raises(CameraError, match="COLMAP has no camera model for"):

@@ -58,20 +58,15 @@ class Frames:
             require_image_camera(self.camera)
         if not isinstance(self.source, Mapping):
             raise ArrayError(f"source must be a mapping of JSON values, got {self.source!r}")
-        if self.object_poses is None:
-            if self.world_index is not None:
-                raise ArrayError("object_poses must be given with world_index, which contains indices into them")
-            return
-        worlds = _length(self.object_poses, "object_poses", (None, None, 7))
-        if self.world_index is None:
-            if worlds not in (1, count):
-                raise ArrayError(
-                    f"object_poses must be of 1 world or of {pluralize(count, 'world')}, one per frame, got {worlds}. "
-                    "Pass world_index for any other number."
-                )
-            return
-        _length(self.world_index, "world_index", (count,))
-        _check_world(self.world_index, count, self.object_poses)
+        worlds = 1 if self.object_poses is None else _length(self.object_poses, "object_poses", (None, None, 7))
+        if self.world_index is not None:
+            _length(self.world_index, "world_index", (count,))
+            _check_world(self.world_index, count, self.object_poses)
+        elif worlds not in (1, count):
+            raise ArrayError(
+                f"object_poses must be of 1 world or of {pluralize(count, 'world')}, one per frame, got {worlds}. "
+                "Pass world_index for any other number."
+            )
 
     def __len__(self) -> int:
         return len(self.camera_to_world)
@@ -154,14 +149,7 @@ class Frames:
             warn_of_order(poses, convention)
         count = len(rows)
         objects = None if object_poses is None else _object_rows(object_poses)
-        worlds = None
-        if world_index is not None:
-            worlds = _check_world(world_index, count, objects)
-        elif objects is not None and len(objects) not in (1, count):
-            raise ArrayError(
-                f"object_poses must be of 1 world or of {pluralize(count, 'world')}, one per frame, got "
-                f"{len(objects)}. Pass world_index for any other number."
-            )
+        worlds = None if world_index is None else _check_world(world_index, count, objects)
         return cls(rows, _check_timestamps(timestamps, count), objects, worlds, _check_source(source), camera)
 
 

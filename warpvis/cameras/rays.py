@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import AnyCamera, DepthKind, Value
 from warpvis.cameras.checks import MAX_RAYS, as_floats, as_rows, check_image_size, check_range
+from warpvis.cameras.lenses import directions_on_sphere
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, check_convention
 from warpvis.errors import CameraError, PoseError
@@ -287,9 +288,7 @@ class WideCamera(RayCamera):
             scale = self.hfov * np.sinc(angle / math.pi)  # sin(away) / hypot(u, v)
             parts = scale * u, scale * v, np.cos(angle)
         else:
-            azimuth, elevation = u * self.hfov, v * (self.hfov * self.height / self.width)
-            horizontal = np.cos(elevation)
-            parts = horizontal * np.sin(azimuth), np.sin(elevation), horizontal * np.cos(azimuth)
+            parts = directions_on_sphere(u * self.hfov, v * (self.hfov * self.height / self.width))
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 

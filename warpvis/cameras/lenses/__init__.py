@@ -5,33 +5,31 @@
 from __future__ import annotations
 
 from warpvis.cameras.lenses._closed import EUCM, FOV, Division, DoubleSphere
-from warpvis.cameras.lenses._colmap import (
+from warpvis.cameras.lenses._dicts import lens_from_dict as lens_from_dict, lens_to_dict as lens_to_dict
+from warpvis.cameras.lenses._fisheyes import FTheta, KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpvis.cameras.lenses._formats import (
     COLMAP_NUMBERS as COLMAP_NUMBERS,
     COLMAP_PINHOLES as COLMAP_PINHOLES,
+    NERF_PINHOLES as NERF_PINHOLES,
     colmap_count as colmap_count,
     lens_from_colmap as lens_from_colmap,
-    lens_to_colmap as lens_to_colmap,
-)
-from warpvis.cameras.lenses._dicts import lens_from_dict as lens_from_dict, lens_to_dict as lens_to_dict
-from warpvis.cameras.lenses._fisheyes import KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
-from warpvis.cameras.lenses._formats import (
-    NERF_PINHOLES as NERF_PINHOLES,
     lens_from_kalibr as lens_from_kalibr,
     lens_from_nerfstudio as lens_from_nerfstudio,
     lens_from_opencv as lens_from_opencv,
     lens_from_ros as lens_from_ros,
-    nerfstudio_distortion as nerfstudio_distortion,
-    nerfstudio_model as nerfstudio_model,
-)
-from warpvis.cameras.lenses._ftheta import FTheta
-from warpvis.cameras.lenses._lens import Lens, check_coefficients as check_coefficients
-from warpvis.cameras.lenses._panoramas import Cylindrical, Equirectangular
-from warpvis.cameras.lenses._pinhole import OpenCVPinhole
-from warpvis.cameras.lenses._writing import (
+    lens_to_colmap as lens_to_colmap,
     lens_to_nerfstudio as lens_to_nerfstudio,
     lens_to_ros as lens_to_ros,
     lens_to_tum as lens_to_tum,
+    nerfstudio_model as nerfstudio_model,
 )
+from warpvis.cameras.lenses._lens import Lens, check_coefficients as check_coefficients
+from warpvis.cameras.lenses._panoramas import (
+    Cylindrical,
+    Equirectangular,
+    directions_on_sphere as directions_on_sphere,
+)
+from warpvis.cameras.lenses._pinhole import OpenCVPinhole
 
 __all__ = [
     "EUCM",

@@ -12,8 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.lenses._lens import RadialLens, rays_of
-from warpvis.cameras.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import Floats, RadialLens, rays_of
 
 _AZIMUTHS = 720
 _ANGLES = 512  # per azimuth, up to the limit

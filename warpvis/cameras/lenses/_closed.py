@@ -15,8 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpvis.cameras.lenses._lens import RadialLens, check_fields
-from warpvis.cameras.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import Floats, RadialLens, check_fields
 from warpvis.errors import CameraError
 
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warpvis.cameras.lenses._lens import Lens, check_fields
-from warpvis.cameras.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import Floats, Lens, check_fields
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,13 @@ class Equirectangular(Lens):
         x, y = pixels.T
         inside = (x >= 0) & (x <= self.width) & (y >= 0) & (y <= self.height)
         longitude = np.where(inside, 2 * math.pi * (x / self.width - 0.5), np.nan)
-        down = math.pi * (y / self.height - 0.5)
-        across = np.cos(down)
-        return np.stack([across * np.sin(longitude), np.sin(down), across * np.cos(longitude)], axis=-1)
+        return np.stack(directions_on_sphere(longitude, math.pi * (y / self.height - 0.5)), axis=-1)
+
+
+def directions_on_sphere(azimuth: Floats, down: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return unit vectors by their angles to the right of the axis, and below the horizon [rad]."""
+    across = np.cos(down)
+    return across * np.sin(azimuth), np.sin(down), across * np.cos(azimuth)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from warpvis.cameras.lenses._bent import Bent, BentLens
-from warpvis.cameras.lenses._lens import check_fields
-from warpvis.cameras.lenses._rising import Floats
+from warpvis.cameras.lenses._lens import Floats, check_fields
 
 COUNTS = (4, 5, 8, 12, 14)
 """Valid numbers of coefficients of OpenCV's pinhole camera."""
