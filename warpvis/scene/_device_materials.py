@@ -75,21 +75,24 @@ class _Packing:
         from warpvis.kernels.shading.base_colors import DeviceMaterial, DeviceMaterials
         from warpvis.kernels.shading.textures import DeviceTexture
 
-        scene_materials, device = DeviceMaterials(), self._device
-        scene_materials.object_material = wp.array(self._first, dtype=wp.int32, device=device)
-        scene_materials.object_column = wp.array(self._column, dtype=wp.int32, device=device)
-        scene_materials.object_pose = wp.array(self._pose, dtype=wp.transform, device=device)
-        scene_materials.object_rows = wp.array(self._object_rows, dtype=wp.int32, device=device)
-        scene_materials.corners = wp.array(self._joined("corners", (3, 3)), dtype=wp.vec3, device=device)
-        scene_materials.uv = wp.array(self._joined("uv", (3, 2)), dtype=wp.vec2, device=device)
-        scene_materials.colors = wp.array(self._joined("colors", (3, 4)), dtype=wp.vec4, device=device)
-        scene_materials.normals = wp.array(self._joined("normals", (3, 3)), dtype=wp.vec3, device=device)
-        rows = self._joined("face_material", (), np.int32)
-        scene_materials.face_material = wp.array(rows, dtype=wp.int32, device=device)
-        scene_materials.materials = wp.array(self._materials, dtype=DeviceMaterial, device=device)
-        scene_materials.textures = wp.array(self._textures, dtype=DeviceTexture, device=device)
         texels = np.concatenate([np.zeros(0, dtype=np.uint32), *self._texels])
-        scene_materials.texels = wp.array(texels, dtype=wp.uint32, device=device)
+        columns = {
+            "object_material": (self._first, wp.int32),
+            "object_column": (self._column, wp.int32),
+            "object_pose": (self._pose, wp.transform),
+            "object_rows": (self._object_rows, wp.int32),
+            "corners": (self._joined("corners", (3, 3)), wp.vec3),
+            "uv": (self._joined("uv", (3, 2)), wp.vec2),
+            "colors": (self._joined("colors", (3, 4)), wp.vec4),
+            "normals": (self._joined("normals", (3, 3)), wp.vec3),
+            "face_material": (self._joined("face_material", (), np.int32), wp.int32),
+            "materials": (self._materials, DeviceMaterial),
+            "textures": (self._textures, DeviceTexture),
+            "texels": (texels, wp.uint32),
+        }
+        scene_materials = DeviceMaterials()
+        for name, (rows, dtype) in columns.items():
+            setattr(scene_materials, name, wp.array(rows, dtype=dtype, device=self._device))
         return scene_materials
 
     def _joined(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:

@@ -28,7 +28,7 @@ from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, che
 from warpvis.scene._parts import instance_runs
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees
-from warpvis.scene.acceleration.traversal_plan import instance_indices, plan_traversal
+from warpvis.scene.acceleration.traversal_plan import plan_traversal
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import AppearanceLike
@@ -539,14 +539,11 @@ class Scene:
 
         It is cached until the scene changes. The columns of its `object_poses` are all objects. A static object has its
         vertices in the world and the identity for a pose; if it shares a tree, its mesh's frame and its pose.
-
-        Raises:
-            SceneError: If the scene is empty.
         """
         with self._lock:
             if self._isolated is None:
                 items = [take_snapshot(item) for item in self.require_objects()]
-                instances = instance_indices(self._objects, self.device)
+                instances = set(plan_traversal(self._objects, self.device).instances.tolist())
                 detached = (detach(item, items, is_instance=index in instances) for index, item in enumerate(items))
                 isolated = self._copy(detached, self.device)
                 if any(item.points is not None for item in self._objects):
@@ -597,9 +594,6 @@ class Scene:
 
         Args:
             faces: Whether to store the face index in the object's mesh for each triangle.
-
-        Raises:
-            SceneError: If the scene is empty.
         """
         with self._lock:
             return self._trees.triangles(self.require_objects(), faces=faces)
@@ -610,9 +604,6 @@ class Scene:
         Args:
             faces: Whether to store the face index in the object's mesh for each triangle. This takes 4 bytes per leaf
                 slot. Trees that were built without it are rebuilt, and all later ones are built with it.
-
-        Raises:
-            SceneError: If the scene is empty.
         """
         with self._lock:
             return self._trees.bvh(self.require_objects(), faces=faces)

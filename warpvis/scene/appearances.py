@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 from warpvis.core.checks import describe_exception
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import WarpvisError
-from warpvis.scene._images import pixels_or_white
-from warpvis.scene.materials import Appearance, AppearanceLike, ColorSpace, Material, Texture, as_appearance
+from warpvis.scene.materials import (
+    Appearance,
+    AppearanceLike,
+    ColorSpace,
+    Material,
+    Texture,
+    as_appearance,
+    pixels_or_white,
+)
 
 _DEFAULT_COLOR = (102, 102, 102, 255)
 """trimesh's default for colors that a SimpleMaterial does not define."""

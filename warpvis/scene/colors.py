@@ -14,6 +14,17 @@ from warpvis.errors import SceneError
 _COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
+def as_numbers(value: ArrayLike, message: str) -> np.ndarray:
+    """Return an array of integers or floats; raise a `SceneError` with the message for anything else."""
+    try:
+        numbers = np.asarray(value)
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # other libraries' arrays may raise any exception
+        raise SceneError(message) from None
+    if numbers.dtype.kind not in "iuf":
+        raise SceneError(message)
+    return numbers
+
+
 def check_color(
     color: ArrayLike, subject: str, lengths: tuple[int, ...], *, maximum: float = 1.0, alternatives: str = ""
 ) -> tuple[Any, ...]:
@@ -29,12 +40,9 @@ def check_color(
     count = " or ".join(_COUNTS[length] for length in lengths)
     limit = "from 0 to 1" if maximum == 1 else "of at least 0"
     message = f"{subject} must be {alternatives}{count} numbers {limit}, got {shown(color)}"
-    try:
-        numbers = np.asarray(color)
-        if numbers.dtype.kind not in "iuf" or numbers.ndim != 1 or len(numbers) not in lengths:
-            raise SceneError(message)
-    except (TypeError, ValueError, RuntimeError):  # arrays of other libraries may raise any exception
-        raise SceneError(message) from None
+    numbers = as_numbers(color, message)
+    if numbers.ndim != 1 or len(numbers) not in lengths:
+        raise SceneError(message)
     values = numbers.astype(np.float64).tolist()
     if not all(0 <= value <= maximum and value != np.inf for value in values):
         raise SceneError(message)
@@ -44,12 +52,9 @@ def check_color(
 def check_vector(vector: ArrayLike, subject: str) -> tuple[float, float, float]:
     """Return three finite numbers."""
     message = f"{subject} must be three finite numbers, got {shown(vector)}"
-    try:
-        numbers = np.asarray(vector)
-        if numbers.dtype.kind not in "iuf" or numbers.shape != (3,) or not np.isfinite(numbers).all():
-            raise SceneError(message)
-    except (TypeError, ValueError, RuntimeError):  # arrays of other libraries may raise any exception
-        raise SceneError(message) from None
+    numbers = as_numbers(vector, message)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise SceneError(message)
     return tuple(numbers.astype(np.float64).tolist())
 
 

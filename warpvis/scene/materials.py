@@ -7,19 +7,27 @@
 
 from __future__ import annotations
 
+import io
 import os
+import warnings
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.checks import check_choice, check_flag, check_number
+from warpvis.core.checks import check_choice, check_flag, check_number, describe_exception
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import SceneError
-from warpvis.scene._images import decoded_or_white
-from warpvis.scene.colors import check_color, shown
+from warpvis.scene.colors import as_numbers, check_color, shown
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+WHITE = np.full((1, 1, 3), 255, dtype=np.uint8)
+"""Replaces an image that cannot be read: the material's base color is unchanged."""
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 """A texture outside of 0 to 1: repeated, repeated with every other copy mirrored, or clamped to its edge."""
@@ -68,10 +76,8 @@ class Texture:
             source = _image(source, self.name)
         object.__setattr__(self, "source", source)
         object.__setattr__(self, "name", str(self.name) or (str(source) if isinstance(source, Path) else "texture"))
-        check_choice(self.wrap_u, "wrap_u", get_args(Wrap), SceneError)
-        check_choice(self.wrap_v, "wrap_v", get_args(Wrap), SceneError)
-        check_choice(self.filter, "filter", get_args(Filter), SceneError)
-        check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
+        for key, choices in (("wrap_u", Wrap), ("wrap_v", Wrap), ("filter", Filter), ("color_space", ColorSpace)):
+            check_choice(getattr(self, key), key, get_args(choices), SceneError)
 
     @property
     def image(self) -> NDArray[np.uint8]:
@@ -242,18 +248,16 @@ def as_appearance(value: AppearanceLike, name: str) -> Appearance:
 
 
 def _array(array: ArrayLike, name: str) -> np.ndarray:
-    try:
-        rows = np.asarray(array)
-    except (TypeError, ValueError, RuntimeError):
-        raise SceneError(f"{name} must be an array of numbers, got {shown(array)}") from None
-    if rows.dtype.kind not in "iuf":
-        raise SceneError(f"{name} must be an array of numbers, got {shown(array)}")
-    return rows
+    return as_numbers(array, f"{name} must be an array of numbers, got {shown(array)}")
+
+
+def _check_corner_shape(rows: np.ndarray, name: str, width: int) -> None:
+    if rows.ndim not in (2, 3) or rows.shape[-1] != width or (rows.ndim == 3 and rows.shape[1] != 3):
+        raise SceneError(f"{name} must have shape (m, 3, {width}) or (n, {width}), got {rows.shape}")
 
 
 def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
-    if rows.ndim not in (2, 3) or rows.shape[-1] != 2 or (rows.ndim == 3 and rows.shape[1] != 3):
-        raise SceneError(f"{name} must have shape (m, 3, 2) or (n, 2), got {rows.shape}")
+    _check_corner_shape(rows, name, 2)
     with np.errstate(over="ignore"):
         rows = rows.astype(np.float32)
     if np.isfinite(rows).all():
@@ -263,8 +267,7 @@ def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
 
 
 def _check_normals(rows: np.ndarray, name: str) -> NDArray[np.float32]:
-    if rows.ndim not in (2, 3) or rows.shape[-1] != 3 or (rows.ndim == 3 and rows.shape[1] != 3):
-        raise SceneError(f"{name} must have shape (m, 3, 3) or (n, 3), got {rows.shape}")
+    _check_corner_shape(rows, name, 3)
     rows = rows.astype(np.float64)
     length = np.linalg.norm(rows, axis=-1, keepdims=True)
     wrong = ~(np.isfinite(length) & (length > 0)).reshape(len(rows), -1).all(axis=1)
@@ -293,3 +296,51 @@ def _image(image: ArrayLike, name: str) -> NDArray[np.uint8]:
     if rows.dtype != np.uint8 or rows.ndim != 3 or rows.shape[2] not in (3, 4) or not rows.size:
         raise SceneError(f"{subject} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
     return rows.copy()
+
+
+def decoded_or_white(source: Path | bytes, name: str) -> NDArray[np.uint8]:
+    """Decode an image file, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
+    from PIL import Image
+
+    if isinstance(source, bytes) and not source:
+        source = Path()  # the image was not found: opening this fails
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow warns of large images that it still reads
+            with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
+                return pixels(image)
+    except Exception as error:  # decoders may raise any exception
+        return _white(error, name)
+
+
+def pixels_or_white(image: Image, name: str) -> NDArray[np.uint8]:
+    """Return the pixels of a Pillow image, which may be decoded only now; warn and return `WHITE` if it cannot be."""
+    try:
+        return pixels(image)
+    except Exception as error:  # decoders may raise any exception
+        return _white(error, name)
+
+
+def _white(error: Exception, name: str) -> NDArray[np.uint8]:
+    """Warn of an image that cannot be read, and return `WHITE`."""
+    reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
+    warn_user(
+        f"{name}: cannot be read as an image ({reason}); using white, so that the material's base color shows",
+        UserWarning,
+    )
+    return WHITE.copy()
+
+
+def pixels(image: Image) -> NDArray[np.uint8]:
+    """Return the pixels of a Pillow image, shape ``(H, W, 3)`` or ``(H, W, 4)``: the upper 8 bits of 16."""
+    if image.mode.startswith("I;16"):
+        gray = (np.asarray(image, dtype=np.uint16) >> 8).astype(np.uint8)
+        return np.repeat(gray[:, :, None], 3, axis=2)
+    transparent = "A" in image.mode or "a" in image.mode or "transparency" in image.info
+    return np.asarray(image.convert("RGBA" if transparent else "RGB"), dtype=np.uint8)
+
+
+def _reason(error: Exception) -> str:
+    from PIL import UnidentifiedImageError
+
+    return "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)

@@ -158,11 +158,6 @@ def plan_traversal(objects: Sequence[SceneObject], device: wp.Device) -> Travers
     )
 
 
-def instance_indices(objects: ObjectList, device: wp.Device) -> frozenset[int]:
-    """Return the static objects that have their own frames on a device."""
-    return frozenset(plan_traversal(objects, device).instances.tolist())
-
-
 def _find_instanced_meshes(static: Sequence[Run], device: wp.Device) -> set[Mesh]:
     """Return the shared meshes whose static objects are traversed faster as instances."""
     uses: Counter[Mesh] = Counter()
