@@ -365,7 +365,8 @@ def find_invalid_rows(rows: np.ndarray) -> tuple[str, NDArray[np.bool_]]:
     bad = ~np.isfinite(rows).all(axis=-1)
     if bad.any():
         return "must be finite", bad
-    lengths = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(rows[..., 3:].astype(np.float64), axis=-1)
     bad = ~(np.abs(lengths - 1) <= LENGTH_TOLERANCE)
     if not bad.any():
         return "", bad

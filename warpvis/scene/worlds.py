@@ -123,7 +123,7 @@ def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
     if not movable:
         raise ArrayError("object_scales were given, but no object of the scene is movable; add one with movable=True")
     if not on_gpu(scales):
-        rows = as_numpy(scales.numpy() if isinstance(scales, wp.array) else scales, name="object_scales")
+        rows = _host(scales, "object_scales")
         rows = rows[None] if rows.ndim == 2 else rows
         if rows.ndim != 3 or rows.shape[1:] != (len(movable), 3) or not len(rows) or rows.dtype.kind not in "fiu":
             raise ArrayError(
@@ -134,8 +134,7 @@ def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
             rows = rows.astype(np.float32)
         bad = np.argwhere(~((rows > 0) & np.isfinite(rows)).all(axis=2))
         if len(bad):
-            names = [f"{scene.objects[movable[m]].name!r} in world {w}" for w, m in bad[:3]]
-            raise ArrayError(f"object_scales must be positive and finite: wrong in {len(bad)}, of {', '.join(names)}")
+            raise ArrayError(f"object_scales must be positive and finite: {_describe_wrong(scene, bad)}")
         scales = rows
     elif isinstance(scales, wp.array) and scales.ndim == 1 and wp.types.types_equal(scales.dtype, wp.vec3):
         scales = scales.reshape((1, scales.shape[0]))
@@ -163,9 +162,8 @@ def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.
         poses = poses.reshape((1, poses.shape[0]))
     if on_gpu(poses):
         return _check_device_poses(poses, len(movable), scene.device)
-    rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="object_poses")
-    if rows.ndim == 2:
-        rows = rows[None]
+    rows = _host(poses, "object_poses")
+    rows = rows[None] if rows.ndim == 2 else rows
     if rows.ndim != 3 or rows.shape[1:] != (len(movable), 7) or len(rows) == 0:
         raise PoseError(
             f"object_poses must have shape (W, {len(movable)}, 7), rows x y z qx qy qz qw of the movable objects in "
@@ -185,9 +183,18 @@ def _checked_rows(rows: np.ndarray, scene: Scene) -> NDArray[np.float32]:
         return rows
     problem, bad = find_invalid_rows(rows)
     if problem:
-        names = [f"{scene.objects[scene.movable[m]].name!r} in world {w}" for w, m in np.argwhere(bad)[:3]]
-        raise PoseError(f"object_poses {problem}: wrong in {bad.sum()}, of {', '.join(names)}")
+        raise PoseError(f"object_poses {problem}: {_describe_wrong(scene, np.argwhere(bad))}")
     return rows
+
+
+def _describe_wrong(scene: Scene, indices: NDArray[np.intp]) -> str:
+    """Return the number of invalid objects in worlds, shape ``(n, 2)``, and the names of the first ones."""
+    names = [f"{scene.objects[scene.movable[column]].name!r} in world {world}" for world, column in indices[:3]]
+    return f"wrong in {len(indices)}, of {', '.join(names)}"
+
+
+def _host(value: ArrayInput, name: str) -> np.ndarray:
+    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
 
 
 def _check_device_poses(poses: PoseLike, count: int, device: wp.Device) -> wp.array:
@@ -206,7 +213,7 @@ def _parse_world(world_index: ArrayInput | None, views: int, count: int, device:
     result = as_warp(world_index, wp.int32, (views,), name="world_index", device=device)
     if on_gpu(world_index):
         return result
-    host = as_numpy(world_index.numpy() if isinstance(world_index, wp.array) else world_index, name="world_index")
+    host = _host(world_index, "world_index")
     bad = np.flatnonzero((host < 0) | (host >= count))
     if len(bad):
         raise ArrayError(
@@ -225,7 +232,7 @@ def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
         return wp.array(flags, dtype=wp.uint8, device=scene.device)
     if on_gpu(exclude):
         return as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
-    flags = as_numpy(exclude.numpy() if isinstance(exclude, wp.array) else exclude, name="exclude")
+    flags = _host(exclude, "exclude")
     if flags.shape not in ((views, count), (1, count)):
         raise ArrayError(
             f"exclude must be names or indices of objects, or flags of shape ({views}, {count}) or (1, {count}), "

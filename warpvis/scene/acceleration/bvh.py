@@ -166,6 +166,14 @@ def check_leaves(leaf_count: int, lanes: int) -> None:
         )
 
 
+def check_slots(count: int) -> None:
+    """Raise a `SceneError` if the triangles of all objects, counting unused leaf slots, cannot be numbered."""
+    if count >= 2**31:
+        raise SceneError(
+            f"all objects together must have fewer than 2^31 triangles, counting unused leaf slots, got {count}"
+        )
+
+
 def _arrange(items: wp.array, lanes: int, max_levels: int | None, threads: int) -> _Nodes:
     """Sort the items into leaves, and build the nodes above them."""
     from warpvis.kernels.bvh import build

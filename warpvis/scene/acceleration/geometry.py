@@ -12,8 +12,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
+from warpvis.scene.acceleration.bvh import Bvh, check_slots
 from warpvis.scene.acceleration.joined_trees import first_leaves, first_nodes, join_trees, own_faces, slot_faces
 from warpvis.scene.acceleration.traversal_plan import (
     InstancedMesh,
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from warpvis.kernels.casting.triangle_scene import TriangleScene
     from warpvis.scene._mesh import Mesh
     from warpvis.scene._object import SceneObject
-    from warpvis.scene.acceleration.bvh import Bvh
     from warpvis.scene.acceleration.refit import BvhRefit
     from warpvis.scene.acceleration.tree_cache import TreeCache
 
@@ -173,10 +172,7 @@ def build_scene_bvh(
     slots = np.array([tree.leaf_count * tree.lanes for tree in trees])
     static_slots = int(slots[0]) if static else 0
     ends = static_slots + np.cumsum(slots[tree_of])
-    if len(ends) and ends[-1] >= 2**31:
-        raise SceneError(
-            f"all objects together must have fewer than 2^31 triangles, counting unused leaf slots, got {ends[-1]}"
-        )
+    check_slots(max(ends, default=0))
     struct.static_root = 0 if static else -1
     struct.static_object = wp.array(static, dtype=wp.int32, device=device)
     struct.movable_count, struct.drawn_count = len(plan.movable), len(one_object)

@@ -74,6 +74,17 @@ def move_children(children: wp.array, node: int, leaf: int) -> None:
     child += np.where(child > 0, node, 0).astype(np.int32) - np.where(child < 0, leaf, 0).astype(np.int32)
 
 
+def concatenate(parts: Sequence[wp.array], device: wp.Device) -> wp.array:
+    """Concatenate flat arrays of any device; on the CPU the result is aligned to 64 bytes."""
+    count, dtype = sum(map(len, parts)), parts[0].dtype
+    joined = aligned_empty((count,), dtype) if device.is_cpu else wp.empty(count, dtype=dtype, device=device)
+    first = 0
+    for part in parts:
+        wp.copy(joined, part, dest_offset=first, count=len(part))
+        first += len(part)
+    return joined
+
+
 def _join_on_device(
     struct: BvhScene, trees: Sequence[Bvh], closed: Sequence[NDArray[np.bool_]], device: wp.Device, *, share: bool
 ) -> None:
@@ -81,14 +92,8 @@ def _join_on_device(
 
     for name in ("leaves", "owners", "nodes", "children"):
         parts = [getattr(tree, name) for tree in trees]
-        joined = parts[0]
-        if len(parts) > 1 or not share or joined.device != device:
-            joined = wp.empty(sum(map(len, parts)), dtype=joined.dtype, device=device)
-            first = 0
-            for part in parts:
-                wp.copy(joined, part, dest_offset=first, count=len(part))
-                first += len(part)
-        setattr(struct, name, joined)
+        is_usable = len(parts) == 1 and share and parts[0].device == device
+        setattr(struct, name, parts[0] if is_usable else concatenate(parts, device))
     node, leaf = 0, 0
     for tree, flags in zip(trees, closed, strict=True):
         lanes = tree.lanes

@@ -12,12 +12,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import aligned_empty
-from warpvis.errors import SceneError
 from warpvis.kernels.constants import BOX_WORDS, LEAF_ROWS, NODE_HIGH_ROW, NODE_LOW_ROW, NODE_ROWS
-from warpvis.scene.acceleration.bvh import Bvh, check_leaves
+from warpvis.scene.acceleration.bvh import Bvh, check_leaves, check_slots
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
-from warpvis.scene.acceleration.joined_trees import move_children
+from warpvis.scene.acceleration.joined_trees import concatenate, move_children
 
 
 class _Span(NamedTuple):
@@ -99,19 +97,8 @@ def _find_span(
 
 def _exchanged(array: wp.array, begin: int, end: int, added: wp.array) -> wp.array:
     """Copy an array without the range from `begin` to `end`, and append `added`."""
-    retained = len(array) - (end - begin)
-    if array.device.is_cpu:
-        result = aligned_empty((retained + len(added),), array.dtype)
-    else:
-        result = wp.empty(retained + len(added), dtype=array.dtype, device=array.device)
-    for to, source, first, count in (
-        (0, array, 0, begin),
-        (begin, array, end, retained - begin),
-        (retained, added, 0, len(added)),
-    ):
-        if count:
-            wp.copy(result, source, dest_offset=to, src_offset=first, count=count)
-    return result
+    retained = [array[first:last] for first, last in ((0, begin), (end, len(array))) if last > first]
+    return concatenate([*retained, added], array.device)
 
 
 def _renumber(struct: Any, span: _Span, node: int, leaf: int, lanes: int) -> None:
@@ -132,15 +119,8 @@ def _set_columns(
     slots = np.diff(starts, append=len(struct.owners) // lanes).astype(np.int64)[which] * lanes
     first = int(struct.movable_first_id.numpy()[0])
     ends = first + np.cumsum(slots)
-    if ends[-1] >= 2**31:
-        raise SceneError(
-            f"all objects together must have fewer than 2^31 triangles, counting unused leaf slots, got {ends[-1]}"
-        )
-    for name, values in (
-        ("movable_root", roots),
-        ("movable_leaf", leaves),
-        ("movable_first_id", ends - slots),
-    ):
+    check_slots(int(ends[-1]))
+    for name, values in (("movable_root", roots), ("movable_leaf", leaves), ("movable_first_id", ends - slots)):
         setattr(struct, name, wp.array(values, dtype=wp.int32, device=device))
     rows = tree.nodes[: NODE_ROWS * lanes].numpy().reshape(NODE_ROWS, lanes)
     box = [*rows[NODE_LOW_ROW:][:3].min(axis=1), *rows[NODE_HIGH_ROW:][:3].max(axis=1)]
