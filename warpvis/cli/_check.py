@@ -167,26 +167,21 @@ def _object_report(scene: Scene, seen: ObjectVisibility, frames: Frames) -> list
     """Return the results of every view and object as plain Python values."""
     from warpvis.core.labels import Visibility
 
-    status, occluder, fraction = seen.status.numpy(), seen.occluder.numpy(), seen.fraction.numpy()
-    visible, silhouette = seen.visible_pixels.numpy(), seen.silhouette_pixels.numpy()
-    visible_box, silhouette_box = seen.visible_box.numpy(), seen.silhouette_box.numpy()
+    status, occluder = seen.status.numpy(), seen.occluder.numpy()
+    counts = {name: getattr(seen, name).numpy() for name in ("fraction", "visible_pixels", "silhouette_pixels")}
+    boxes = {name: getattr(seen, name).numpy() for name in ("visible_box", "silhouette_box")}
     views: list[dict[str, Any]] = []
     for v in range(len(frames)):
-        objects: list[dict[str, Any]] = []
-        for k, name in enumerate(seen.names):
-            hides = int(occluder[v, k])
-            objects.append(
-                {
-                    "name": name,
-                    "status": Visibility(status[v, k]).name,
-                    "fraction": fraction[v, k].item(),
-                    "visible_pixels": visible[v, k].item(),
-                    "silhouette_pixels": silhouette[v, k].item(),
-                    "occluder": scene.objects[hides].name if hides >= 0 else None,
-                    "visible_box": visible_box[v, k].tolist(),
-                    "silhouette_box": silhouette_box[v, k].tolist(),
-                }
-            )
+        objects = [
+            {
+                "name": name,
+                "status": Visibility(status[v, k]).name,
+                **{field: array[v, k].tolist() for field, array in counts.items()},
+                "occluder": scene.objects[occluder[v, k]].name if occluder[v, k] >= 0 else None,
+                **{field: array[v, k].tolist() for field, array in boxes.items()},
+            }
+            for k, name in enumerate(seen.names)
+        ]
         views.append({**_pose_report(v, frames), "objects": objects})
     return views
 

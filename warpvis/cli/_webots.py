@@ -8,7 +8,7 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from warpvis.cli._output import make_folder
 from warpvis.core.checks import pluralize
@@ -65,27 +65,27 @@ def render_world(
     Range finders: OUT/NAME/depth.npz and OUT/NAME/depth/000000.png. Lidars: OUT/NAME/ranges.npz and
     OUT/NAME/pcd/000000.pcd. Return whether any of them sees anything; a warning lists those that do not.
     """
+    import numpy as np
+
     from warpvis.webots import load_webots, render_lidar, render_range
 
     world = load_webots(path, device=device, search_path=search_path, strict=strict)
     finders, lidars = _chosen(world, path, device_name)
     release, blind = "header" if version_exact else None, []
-    for name in finders:
-        image = render_range(world, name, webots_version=release, threads=threads)
-        folder = out / _file_name(name)
-        _write(folder, world.devices[name], image, bent=version_exact)
-        if not _sees(image, world.devices[name]):
-            blind.append(name)
-        if not quiet:
-            print(f"{name}: {folder / 'depth.npz'}, {folder / 'depth' / '000000.png'}")
-    for name in lidars:
-        image = render_lidar(world, name, webots_version=release, threads=threads)
-        folder = out / _file_name(name)
-        _write_scan(folder, world.lidars[name], image, drawn=version_exact)
-        if not _sees(image, world.lidars[name]):
-            blind.append(name)
-        if not quiet:
-            print(f"{name}: {folder / 'ranges.npz'}, {folder / 'pcd' / '000000.pcd'}")
+    kinds: list[tuple[Any, ...]] = [
+        (finders, world.devices, render_range, _write, ("depth.npz", "depth/000000.png")),
+        (lidars, world.lidars, render_lidar, _write_scan, ("ranges.npz", "pcd/000000.pcd")),
+    ]
+    for names, devices, render, write, files in kinds:
+        for name in names:
+            image = render(world, name, webots_version=release, threads=threads)
+            folder = out / re.sub(r"[^\w .-]|^\.+", "_", name)
+            write(folder, devices[name], image, version_exact)
+            # Some versions of Webots return the maximum range for no hit.
+            if not (np.isfinite(image) & (image < devices[name].max_range)).any():
+                blind.append(name)
+            if not quiet:
+                print(f"{name}: {', '.join(str(folder / file) for file in files)}")
     if blind:
         names, sees = ", ".join(map(repr, blind)), "sees nothing in its" if len(blind) == 1 else "see nothing in their"
         count = pluralize(len(finders) + len(lidars), "device")
@@ -109,18 +109,7 @@ def _chosen(world: WebotsWorld, path: Path, name: str | None) -> tuple[list[str]
     return finders, list(world.lidars)
 
 
-def _file_name(name: str) -> str:
-    return re.sub(r"[^\w .-]|^\.+", "_", name)
-
-
-def _sees(image: NDArray[np.float32], device: Device | Lidar) -> bool:
-    """Return whether an image has a value below the maximum range, which some Webots versions return for no hit."""
-    import numpy as np
-
-    return bool((np.isfinite(image) & (image < device.max_range)).any())
-
-
-def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bool) -> None:
+def _write(folder: Path, device: Device, image: NDArray[np.float32], bent: bool) -> None:
     """Write an image; if the device's lens distorts it, with the lens instead of K, which describes a pinhole only."""
     import numpy as np
 
@@ -140,7 +129,7 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32], *, bent: bo
     save_depth_png(image, folder / "depth" / "000000.png")
 
 
-def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], *, drawn: bool) -> None:
+def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], drawn: bool) -> None:
     """Write a range image with its rays, and its point cloud in the lidar's frame."""
     import numpy as np
     import warp as wp

@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sphere:
-    """An object approximated by a sphere, as in the paper: points within half its diameter of its center belong to
-    it.
-    """
+    """An object approximated by a sphere, as in the paper: points nearer to its center than its radius belong to it."""
 
     center: tuple[float, float, float]
     """Center in the world frame [m]."""
@@ -106,9 +104,8 @@ def classify(
     The first of these conditions determines the label: `Label.EMPTY` for a pixel without a point (its depth is NaN,
     infinite, not positive, less than the camera's `near`, or greater than `max_range`); `Label.GROUND` if its world
     point is less than `ground_tolerance` above the floor; the label of a sphere with ``||C_obj - P|| < diameter/2``
-    (the
-    deepest one, if there are several); otherwise `Label.OBSTACLE`. Images rendered by warpvis have exact objects: use
-    `classify_rendered` for them.
+    (the deepest one, if there are several); otherwise `Label.OBSTACLE`. Images rendered by warpvis have exact objects:
+    use `classify_rendered` for them.
 
     Args:
         depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for

@@ -52,8 +52,7 @@ def plan_visibility(
     One line per image column starts at the camera's position on the plan, in the horizontal direction of the column, up
     to the camera's maximum depth. Outlines are the edges of all triangles seen from above; ground
     (`Scene.ground_labels`) has none. For a lens, the direction of a column is that of its pixel in the row of the
-    lens's
-    center; a column without a ray in that row has no line.
+    lens's center; a column without a ray in that row has no line.
 
     Args:
         scene: The scene.
@@ -113,9 +112,7 @@ def _column_directions(
 
 
 def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
-    """Compute the columns' rays in the row of the camera's center, with y = 0, ``(W, 3)``; z is 1 if depth is
-    planar.
-    """
+    """Compute rays of columns in the row of the camera's center, with y = 0, ``(W, 3)``; z is 1 if depth is planar."""
     x = np.arange(camera.width) + 0.5
     _, middle = camera.project([0.0, 0.0, 1.0])
     rays = camera.depth_rays(np.stack([x, np.full_like(x, middle)], axis=1))

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import enum
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -138,11 +138,10 @@ class VoxelMap:
         from warpvis.kernels.maps import voxels as kernels
 
         device = self.states.device
-        check_same_grid(other, "the other map", self.origin, self.states.shape, self.cell_size, self.up, device)
-        check_same_ground(other, "the other map", self.ground_labels)
+        grid = (self.origin, self.states.shape, self.cell_size, self.up)
+        check_same_grid(other, "the other map", *grid, device, self.ground_labels)
         names, ground = LabelNames({**self.label_names, **other.label_names}), ground_bits(self.ground_labels)
-        grid = (self.origin, self.cell_size, self.up)
-        result = VoxelMap(wp.clone(self.states), wp.clone(self.labels), *grid, names, self.ground_labels)
+        result = replace(self, states=wp.clone(self.states), labels=wp.clone(self.labels), label_names=names)
         launch_images(
             kernels.merge_voxels,
             self.states.shape,
@@ -187,7 +186,9 @@ def check_same_grid(
     cell_size: float,
     up: str,
     device: wp.Device,
+    ground: frozenset[int],
 ) -> None:
+    """Raise an error unless another map has this grid, device and these ground labels."""
     theirs = require_map(other, name)
     if theirs.states.device != get_device(device):
         raise ArrayError(f"{name} must be on device {device}, got {theirs.states.device}")
@@ -195,12 +196,11 @@ def check_same_grid(
     got = _describe(theirs.states.shape, theirs.cell_size, theirs.origin, theirs.up)
     if got != expected:
         raise ArrayError(f"{name} must be of {expected}, got {got}")
-
-
-def check_same_ground(other: VoxelMap, name: str, ground: frozenset[int]) -> None:
-    if other.ground_labels != ground:
-        expected, got = (sorted(map(int, labels)) for labels in (ground, other.ground_labels))
-        raise ArrayError(f"{name} must have the ground_labels {expected}, got {got}")
+    if theirs.ground_labels != ground:
+        raise ArrayError(
+            f"{name} must have the ground_labels {sorted(map(int, ground))}, got "
+            f"{sorted(map(int, theirs.ground_labels))}"
+        )
 
 
 def _describe(size: tuple[int, ...], cell_size: float, origin: tuple[float, ...], up: str) -> str:

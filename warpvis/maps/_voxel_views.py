@@ -27,7 +27,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.maps._floor_map import ground_bits, read_classes
-from warpvis.maps._voxel_map import VoxelMap, check_same_grid, check_same_ground, require_map
+from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
 from warpvis.rendering import Renderer, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of
@@ -88,8 +88,7 @@ def voxel_map(
             on the host; its pixels without a ray are ignored.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         bounds: Lower and upper corner of the box [m], shape ``(2, 3)``. Voxels begin at the lower corner; the last
-            voxel
-            of an axis may extend beyond the upper one.
+            voxel of an axis may extend beyond the upper one.
         cell_size: Side of a voxel [m].
         labels: Label of every pixel, from `classify` or `Renderer.render`, of the shape of `depth`, uint8; by default
             every surface is `Label.OBSTACLE`.
@@ -202,8 +201,7 @@ def _map_for(
     if out is None:
         states, labels = _zeros(size, wp.uint8, device), _zeros(size, wp.uint8, device)
         return VoxelMap(states, labels, origin, side, up, LabelNames(label_names), ground)
-    check_same_grid(out, "out", origin, size, side, up, device)
-    check_same_ground(out, "out", ground)
+    check_same_grid(out, "out", origin, size, side, up, device, ground)
     out.label_names.update({} if label_names is None else label_names)
     return out
 

@@ -253,9 +253,8 @@ def minimum_height(
 
     Lines of sight are straight, from point to point, without a field of view. GDAL's viewshed computes the same for
     height fields (output mode ``GROUND``). Among triangle meshes, a point may be hidden again when it is raised
-    further,
-    for example under a bridge; the result is the lowest height with a free line. It is exact: each occluding triangle
-    gives an interval of heights (in double precision); heights are not sampled.
+    further, for example under a bridge; the result is the lowest height with a free line. It is exact: each occluding
+    triangle gives an interval of heights (in double precision); heights are not sampled.
 
     A line that only touches an edge, or an edge-on surface, is free. Gaps between triangles count as closed if the
     point is visible through them over less than a micrometer of height.

@@ -9,6 +9,8 @@ image of a camera that looks straight up or down, the floor's first axis (x wher
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -212,8 +214,10 @@ def random_poses(
         raise ArrayError("clearance= requires a scene, since it is a distance from its surfaces")
     if exclude is not None and not clearance:
         raise ArrayError("exclude= requires clearance=, from which it excludes surfaces")
-    is_free = _FreeSpace(scene.to("cpu"), clearance, exclude, threads) if scene is not None and clearance else None
-    numbers = _sample(count, np.random.default_rng(seed), low, high, target, is_free)
+    is_free = (
+        partial(_is_free, scene.to("cpu"), clearance, exclude, threads) if scene is not None and clearance else None
+    )
+    numbers = _sample(count, np.random.default_rng(seed), low, high, target, is_free, clearance)
     places = low + numbers[:, :3] * (high - low)
     if target is not None:
         return _look_at(places, target, vertical)
@@ -259,19 +263,16 @@ def along(
     return poses_along(places, steps[segment], vertical) if target is None else _look_at(places, target, vertical)
 
 
-class _FreeSpace:
-    """A test for positions in the free space of a scene."""
-
-    def __init__(self, scene: Scene, clearance: float, exclude: Excluded, threads: int | None) -> None:
-        self.scene, self.clearance = scene, clearance
-        self.options = {"exclude": exclude, "threads": threads}
-
-    def __call__(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        reach = self.clearance * (1 + _ROOM_FOR_ROUNDING)
-        free = free_distance(self.scene, places, max_distance=reach, **self.options).numpy() >= self.clearance
-        if free.any():
-            free[free] = ~inside_solids(self.scene, places[free], **self.options)
-        return free
+def _is_free(
+    scene: Scene, clearance: float, exclude: Excluded, threads: int | None, places: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return whether positions have a clearance from all surfaces and are outside of closed objects."""
+    reach = clearance * (1 + _ROOM_FOR_ROUNDING)
+    distance = free_distance(scene, places, max_distance=reach, exclude=exclude, threads=threads)
+    free = distance.numpy() >= clearance
+    if free.any():
+        free[free] = ~inside_solids(scene, places[free], exclude=exclude, threads=threads)
+    return free
 
 
 def _sample(
@@ -280,7 +281,8 @@ def _sample(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     target: NDArray[np.float64] | None,
-    is_free: _FreeSpace | None,
+    is_free: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None,
+    clearance: float,
 ) -> NDArray[np.float64]:
     """Sample the random numbers of the first valid candidates, ``(count, 5)``.
 
@@ -300,7 +302,7 @@ def _sample(
         if num_accepted < count and tried >= _MIN_TRIED and num_accepted * _RAREST < tried:
             condition = "differ from the point to look at"
             if is_free is not None:
-                condition = f"are {is_free.clearance} m from all surfaces and not inside closed objects"
+                condition = f"are {clearance} m from all surfaces and not inside closed objects"
             box = " to ".join(" ".join(f"{value:g}" for value in corner) for corner in (low, high))
             raise PoseError(
                 f"bounds {box} must have room for {pluralize(count, 'camera')}: "

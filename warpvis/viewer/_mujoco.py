@@ -72,11 +72,8 @@ class MujocoStage:
             raise SceneError(f"data must be a mujoco.MjData of the model, got {type(data).__name__}")
         self.model, self.data = model, mujoco.MjData(model)
         if data is not None:
-            self.data.qpos[:], self.data.mocap_pos[:], self.data.mocap_quat[:] = (
-                data.qpos,
-                data.mocap_pos,
-                data.mocap_quat,
-            )
+            for name in ("qpos", "mocap_pos", "mocap_quat"):
+                getattr(self.data, name)[:] = getattr(data, name)
         elif model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
         mujoco.mj_kinematics(model, self.data)
@@ -192,7 +189,7 @@ class MujocoStage:
         body = self._body(root)
         label = item.label
         if label == Label.OBSTACLE and not self._has_given_label(root):
-            label = Label.OBJECT if self._root_is_free(body) else Label.ROBOT
+            label = Label.OBJECT if self._is_free(int(self.model.body_rootid[body])) else Label.ROBOT
         name = _unique_name(self.model.body(body).name.rstrip("/") or item.name, names)
         self._note_free(name, body, root)
         if len(parts) == 1:
@@ -202,16 +199,13 @@ class MujocoStage:
 
     def _note_free(self, name: str, body: int, root: int) -> None:
         """Record the object of a body with a free joint."""
-        import mujoco
-
-        joint = int(self.model.body_jntadr[body])
-        if joint < 0 or self.model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+        if not self._is_free(body):
             return
         frame = np.eye(4)
         frame[:3, :3], frame[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
-        column = self._loaded.scene.movable.index(root)
-        placed = poses_to_matrices(self.object_poses()[column][None])[0]
-        self._free[name] = (int(self.model.jnt_qposadr[joint]), np.linalg.inv(frame) @ placed)
+        placed = poses_to_matrices(self.object_poses()[self._loaded.scene.movable.index(root)][None])[0]
+        address = int(self.model.jnt_qposadr[self.model.body_jntadr[body]])
+        self._free[name] = (address, np.linalg.inv(frame) @ placed)
 
     def _group(self, index: int, item: SceneObject) -> tuple[str, int]:
         """Return the name and label by which static geoms are joined: the name of the body, or of a world's geom."""
@@ -225,11 +219,11 @@ class MujocoStage:
         body = int(self.model.geom_bodyid[self._loaded.geom_ids[index]])
         return int(self.model.body_weldid[body]) or body
 
-    def _root_is_free(self, body: int) -> bool:
+    def _is_free(self, body: int) -> bool:
+        """Return whether a body has a free joint."""
         import mujoco
 
-        root = int(self.model.body_rootid[body])
-        joint = int(self.model.body_jntadr[root])
+        joint = int(self.model.body_jntadr[body])
         return joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
 
     def _has_given_label(self, index: int) -> bool:

@@ -126,7 +126,7 @@ class Panel:
             cloud = gui.add_dropdown("points", list(_CLOUDS), initial_value=next(iter(_CLOUDS)))
             picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
             for name, nodes in shown.items():
-                self._add_switch(name, nodes)
+                self._bind(gui.add_checkbox(name, True), nodes, "visible")
             self._with_map = gui.add_checkbox("floor map", False)
             noise = gui.add_slider("Kinect noise factor", min=0, max=4, step=0.5, initial_value=0)
 
@@ -134,28 +134,16 @@ class Panel:
         def _(_: object) -> None:
             self._try(lambda: state.set_sensor(kinect_noise(float(noise.value))))
 
-        @self._with_map.on_update
-        def _(_: object) -> None:
-            self.map.visible = self._with_map.value
-            self._update()
+        self._bind(self._with_map, self.map, "visible")
+        self._bind(cloud, state, "cloud_kind", _CLOUDS)
+        self._bind(picture, state, "picture_kind", _PICTURES)
 
-        @cloud.on_update
-        def _(_: object) -> None:
-            state.cloud_kind = _CLOUDS[cloud.value]  # type: ignore[assignment]  # a literal
-            self._update()
-
-        @picture.on_update
-        def _(_: object) -> None:
-            state.picture_kind = _PICTURES[picture.value]  # type: ignore[assignment]  # a literal
-            self._update()
-
-    def _add_switch(self, name: str, nodes: Any) -> None:
-        """Add a checkbox that shows or hides nodes of the 3D view."""
-        box = self._gui.add_checkbox(name, True)
+    def _bind(self, box: Any, target: Any, name: str, values: Mapping[str, str] | None = None) -> None:
+        """Set an attribute to a box's value, or to that of `values`, and update the page whenever it changes."""
 
         @box.on_update
         def _(_: object) -> None:
-            nodes.visible = box.value
+            setattr(target, name, box.value if values is None else values[box.value])
             self._update()
 
     def _add_agent(self, agent: Agent) -> None:

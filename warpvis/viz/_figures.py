@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import as_numpy, check_shape
 from warpvis.core.checks import as_path, check_text, is_whole
+from warpvis.core.file_content import writing
 from warpvis.core.labels import LABEL_COUNT, Label, LabelNames
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
@@ -56,13 +58,17 @@ def new_figure(width: float, height: float, *, gap: float = 0.04167) -> Figure:
 
 def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
     """Write a figure."""
+    write_picture(figure.savefig, path)
+
+
+def write_picture(write: Callable[[Path], object], path: str | os.PathLike[str], expected: str | None = None) -> None:
+    """Write a picture; if its format is not supported, the message is `expected` or that of `write`."""
     path = as_path(path)
-    try:
-        figure.savefig(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
-    except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
-        raise FileFormatError(f"{path}: {error}") from None
+    with writing(path):
+        try:
+            write(path)
+        except ValueError as error:  # matplotlib: "Format 'xyz' is not supported (supported formats: ...)"
+            raise FileFormatError(f"{path}: {expected or error}") from None
 
 
 def save_map(floor: FloorMap, path: str | os.PathLike[str], *, view: int = 0, title: str = "Seen floor") -> None:

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import as_items, as_path, check_text, is_number
+from warpvis.core.checks import as_items, check_text, is_number
 from warpvis.core.types import ArrayInput
-from warpvis.errors import ArrayError, FileFormatError
-from warpvis.viz._figures import require_matplotlib
+from warpvis.errors import ArrayError
+from warpvis.viz._figures import require_matplotlib, write_picture
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -26,6 +26,7 @@ NOTHING, TOO_NEAR = (70, 70, 70), (255, 255, 255)
 _SCALE_HEIGHT, _MIN_WIDTH = 16, 160
 _SHEET_COLUMNS, _THUMBNAIL = 4, 240
 _GAP, _TITLE_HEIGHT = 6, 14
+_SUFFIXES = "the name of a picture must end in .png or .jpg"
 
 
 def depth_colors(depth: ArrayInput, depth_range: tuple[float, float]) -> NDArray[np.uint8]:
@@ -72,7 +73,7 @@ def save_preview(depth: ArrayInput, path: str | os.PathLike[str], depth_range: t
     picture = Image.new("RGB", (max(image.shape[1], _MIN_WIDTH), image.shape[0] + scale.height), "white")
     picture.paste(Image.fromarray(colors), (0, 0))
     picture.paste(scale, (0, image.shape[0]))
-    _save(picture, path)
+    write_picture(picture.save, path, _SUFFIXES)
 
 
 def save_contact_sheet(
@@ -115,7 +116,7 @@ def save_contact_sheet(
         sheet.paste(picture.resize(size, Image.Resampling.NEAREST), (x, y + _TITLE_HEIGHT))
         draw.text((x, y), name, fill="black")
     sheet.paste(scale, (0, sheet.height - scale.height))
-    _save(sheet, path)
+    write_picture(sheet.save, path, _SUFFIXES)
 
 
 def _scale(width: int, depth_range: tuple[float, float]) -> Picture:
@@ -142,13 +143,3 @@ def _check_range(depth_range: tuple[float, float]) -> tuple[float, float]:
     ):
         raise ArrayError(f"depth_range must be two finite depths [m] in ascending order, got {depth_range!r}")
     return float(values[0]), float(values[1])
-
-
-def _save(picture: Picture, path: str | os.PathLike[str]) -> None:
-    path = as_path(path)
-    try:
-        picture.save(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be written: {error.strerror or error}") from None
-    except ValueError:
-        raise FileFormatError(f"{path}: the name of a picture must end in .png or .jpg") from None
