@@ -60,7 +60,9 @@ def run_command(run: Callable[[], None]) -> None:
     command = getattr(run, "__self__", None)
     with _interrupts.exiting_on_interrupt():
         try:
-            _quiet_warp()
+            import warp as wp
+
+            wp.config.log_level = wp.LOG_WARNING  # without a line for every kernel module
             with warnings.catch_warnings():
                 warnings.simplefilter("default", UserWarning)
                 warnings.showwarning = partial(_show_warning, command)
@@ -81,10 +83,3 @@ the version."""
 def _show_warning(command: object, message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
     """Print a warning as one sentence, like errors."""
     print(f"warning: {name_options(str(message), command)}", file=sys.stderr)
-
-
-def _quiet_warp() -> None:
-    """Suppress Warp's start-up banner and its line for every loaded kernel module."""
-    import warp as wp
-
-    wp.config.log_level = wp.LOG_WARNING

@@ -82,18 +82,16 @@ def name_options(message: str, command: object) -> str:
     options = {name: f"--{option.replace('_', '-')}" for name, option in options.items() if hasattr(command, option)}
     options.pop("file", None)
     names = "|".join(sorted(options, key=len, reverse=True))
-    message = re.sub(
-        rf"(?<![\w.-])({names})=(\"[^\"]*\"|[\w.]*)", lambda found: _as_option(options[found[1]], found[2]), message
-    )
+
+    def as_option(found: re.Match[str]) -> str:
+        value = found[2].strip('"')
+        return options[found[1]] if value in ("", "True") else f"{options[found[1]]} {value}"
+
+    message = re.sub(rf"(?<![\w.-])({names})=(\"[^\"]*\"|[\w.]*)", as_option, message)
     with_lines = "|".join(name for name in options if "_" in name)
     if with_lines and not _OF_FILE.match(message):
         message = re.sub(rf"(?<![\w./-])({with_lines})(?![\w.])", lambda found: options[found[1]], message)
     return re.sub(rf"^({names})(?= (of \S+ )?must )", lambda found: options[found[1]], message)
-
-
-def _as_option(option: str, value: str) -> str:
-    value = value.strip('"')
-    return option if value in ("", "True") else f"{option} {value}"
 
 
 def with_help(command: _Class) -> _Class:
@@ -109,15 +107,13 @@ def with_help(command: _Class) -> _Class:
         settings = {key: value for item in configs for key, value in vars(item).items() if value is not None}
         text = texts.get(name) or settings.get("help") or ""
         config = tyro.conf.arg(
-            metavar=settings.get("metavar") or _metavar(kind), help=text or None, help_behavior_hint=_default
+            metavar=settings.get("metavar") or _metavar(kind),
+            help=text or None,
+            help_behavior_hint=lambda default: "" if default in ("", "None") else f"(default: {default})",
         )
         annotations = [item for item in extras if item not in configs]
         command.__annotations__[name] = Annotated[(kind, *annotations, config)]
     return command
-
-
-def _default(text: str) -> str:
-    return "" if text in ("", "None") else f"(default: {text})"
 
 
 def _metavar(kind: Any) -> str | None:

@@ -31,12 +31,14 @@ from warpvis.errors import FileFormatError, PoseError, WarpvisError
 
 if TYPE_CHECKING:
     from warpvis.cameras.frames import Frames
-    from warpvis.cameras.pinhole import Camera
     from warpvis.planning import Proposal
     from warpvis.scene import Scene
     from warpvis.viewer import ViewerState
     from warpvis.visibility import Agent, Candidate
 
+# Options for what an experiment of the demo defines itself: agents, labels and units.
+_OF_AGENTS = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+_DEFINES_AGENTS = "{} defines its robot and its person, so it takes"
 _NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_names")
 """Options that load a MuJoCo model as a scene without joints."""
 
@@ -113,7 +115,7 @@ class Perspective(ViewpointOptions):
 
         experiment = find_experiment(self.file)
         if experiment is not None:
-            self._refuse_options(experiment.name)
+            refuse_options(self, _OF_AGENTS, _DEFINES_AGENTS.format(experiment.name))
             return experiment.build(self.device), *experiment.agents()
         for option, text in (("--robot", self.robot), ("--human", self.human)):
             if text is None:
@@ -127,11 +129,6 @@ class Perspective(ViewpointOptions):
         eyes = self.load_pose(self.human, "--human", scene.up)
         human = Agent.human("human", eyes, body=tuple(split_names(self.human_body)))
         return scene, robot, human
-
-    def _refuse_options(self, name: str) -> None:
-        """Reject options that an experiment defines itself: agents, labels and units."""
-        unused = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-        refuse_options(self, unused, f"{name} defines its robot and its person, so it takes")
 
 
 def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
@@ -262,8 +259,7 @@ class View(ViewpointOptions):
         }
         experiment = find_experiment(self.file)
         if experiment is not None:
-            unused = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
-            refuse_options(self, unused, f"{experiment.name} defines its robot and its person, so it takes")
+            refuse_options(self, _OF_AGENTS, _DEFINES_AGENTS.format(experiment.name))
             scene = experiment.build()
             return ViewerState(scene, experiment.agents(), frames=self._frames(scene), **names)
         if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):
@@ -307,12 +303,14 @@ class View(ViewpointOptions):
 
     def _agents(self, scene: object, known: Collection[str] = ()) -> list[Agent]:
         """Create the agents; names in `known` get a placeholder pose."""
+        from warpvis.cameras.pinhole import require_camera
         from warpvis.scene import require_scene
         from warpvis.viewer import framing_agent
         from warpvis.visibility import Agent
 
         up = require_scene(scene).up
-        camera = None if self.camera is None else self._pinhole()
+        # The default pose sees the whole scene, which requires a pinhole.
+        camera = None if self.camera is None else require_camera(self.choose_camera())
         body = tuple(split_names(self.robot_body))
         if self.robot is None or "robot" in known:
             if body:
@@ -328,9 +326,3 @@ class View(ViewpointOptions):
             return [robot, Agent.human("human", robot.pose)]
         eyes = self.load_pose(self.human, "--human", up)
         return [robot, Agent.human("human", eyes, body=tuple(split_names(self.human_body)))]
-
-    def _pinhole(self) -> Camera:
-        """Return --camera, which must be a pinhole to compute a pose that sees the whole scene."""
-        from warpvis.cameras.pinhole import require_camera
-
-        return require_camera(self.choose_camera())

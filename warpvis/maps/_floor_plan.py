@@ -104,20 +104,14 @@ def _column_directions(
     heading = rotation[floor, 2]
     if np.linalg.norm(heading) < 1e-6:
         raise PoseError(f"camera_to_world must not look straight up or down on a floor plan: view {view} does")
-    directions = (_level_rays(camera) @ rotation.T)[:, floor]
+    x = np.arange(camera.width) + 0.5
+    rays = camera.depth_rays(np.stack([x, np.full_like(x, camera.project([0.0, 0.0, 1.0])[1])], axis=1))
+    rays[:, 1] = 0  # in the row of the camera's center
+    directions = (rays @ rotation.T)[:, floor]
     if camera.kind == "z":
         return directions / np.linalg.norm(heading)
     with np.errstate(invalid="ignore"):  # vertical rays have no direction
         return directions / np.linalg.norm(directions, axis=1)[:, None]
-
-
-def _level_rays(camera: ImageCamera) -> NDArray[np.float64]:
-    """Compute rays of columns in the row of the camera's center, with y = 0, ``(W, 3)``; z is 1 if depth is planar."""
-    x = np.arange(camera.width) + 0.5
-    _, middle = camera.project([0.0, 0.0, 1.0])
-    rays = camera.depth_rays(np.stack([x, np.full_like(x, middle)], axis=1))
-    rays[:, 1] = 0
-    return rays
 
 
 def _nearest_edge(

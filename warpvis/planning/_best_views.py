@@ -188,7 +188,10 @@ def best_views(
     count = None if count is None else check_whole(count, "count")
     chosen = choose_objects(scene, objects)
     weights = _check_weights(weights, len(chosen))
-    rows = _candidate_rows(candidates, convention)
+    array = as_numpy(candidates.numpy() if isinstance(candidates, wp.array) else candidates, name="candidates")
+    if array.size == 0:
+        raise ArrayError("candidates must be one or more poses, got none")
+    rows = parse_poses(array, convention=convention, name="candidates").numpy().astype(np.float64).reshape(-1, 7)
     lengths = _path_lengths(scene, rows, start, path_lengths)
     poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
     if len(poses) != 1:
@@ -212,7 +215,9 @@ def best_views(
     scores = np.full(len(rows), -np.inf, dtype=np.float32)
     scores[free] = values[free].astype(np.float64) @ (weights / weights.sum())
     order = np.flatnonzero(free)
-    order = order[_ranked(scores[free], lengths[free], tie)][:count]
+    exact = scores[free].astype(np.float64)
+    tied = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
+    order = order[np.lexsort((-exact, lengths[free], -tied))][:count]
     names = tuple(scene.objects[index].name for index in chosen)
     known = start is not None or path_lengths is not None
     return BestViews(order, scores, values, lengths if known else None, names, rows)
@@ -234,22 +239,6 @@ def _measure(
         wp.copy(values[part], seen)
     assert values is not None  # there is at least one candidate
     return values.numpy()
-
-
-def _ranked(scores: NDArray[np.float32], lengths: NDArray[np.float64], tie: float) -> NDArray[np.int64]:
-    """Return indices from best to worst."""
-    exact = scores.astype(np.float64)
-    tied = np.floor(exact / tie + _TIE_ROUNDING) if tie > 0 else exact
-    return np.lexsort((-exact, lengths, -tied))
-
-
-def _candidate_rows(candidates: PoseLike, convention: Convention) -> NDArray[np.float64]:
-    array = candidates.numpy() if isinstance(candidates, wp.array) else candidates
-    array = as_numpy(array, name="candidates")
-    if array.size == 0:
-        raise ArrayError("candidates must be one or more poses, got none")
-    rows = parse_poses(array, convention=convention, name="candidates").numpy()
-    return rows.astype(np.float64).reshape(-1, 7)
 
 
 def _path_lengths(

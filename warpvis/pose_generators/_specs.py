@@ -151,10 +151,6 @@ def _box(text: str) -> NDArray[np.float64]:
     return np.array(_numbers(text, 6, expected)).reshape(2, 3)
 
 
-def _names(text: str) -> list[str]:
-    return text.split(",")
-
-
 def _look(*words: str) -> Callable[[str], str | NDArray[np.float64]]:
     def parse(text: str) -> str | NDArray[np.float64]:
         if text in words:
@@ -189,7 +185,13 @@ _GENERATORS = {
     "random": _Generator(
         "random_poses",
         {"count": _whole},
-        {"seed": _whole, "bounds": _box, "clearance": _number, "look": _look("level", "any"), "exclude": _names},
+        {
+            "seed": _whole,
+            "bounds": _box,
+            "clearance": _number,
+            "look": _look("level", "any"),
+            "exclude": lambda text: text.split(","),
+        },
     ),
     "along": _Generator("along", {"path": str, "count": _whole}, {"look": _look("forward")}),
 }

@@ -150,7 +150,8 @@ class SightLines:
     def _find_for_agent(self, agent: Agent, names: Sequence[str], object_poses: NDArray[np.float64]) -> list[SightLine]:
         eye = agent.poses[0, :3]
         targets = [self._center(name, object_poses) for name in names]
-        poses = np.array([_pose_toward(eye, target) for target in targets])
+        ups = [np.eye(3)[np.abs(target - eye).argmin()] for target in targets]  # any that is not along the ray
+        poses = np.array([look_at(eye, target, up=up) for target, up in zip(targets, ups, strict=True)])
         views = self._renderer.render(
             poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.body or None
         )
@@ -174,9 +175,3 @@ class SightLines:
             return center
         frame = poses_to_matrices(object_poses[column][None])[0]
         return frame[:3, :3] @ center + frame[:3, 3]
-
-
-def _pose_toward(eye: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pose of a camera that faces a target, with an arbitrary up direction."""
-    direction = target - eye
-    return look_at(eye, target, up=np.eye(3)[np.abs(direction).argmin()])

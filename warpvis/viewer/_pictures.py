@@ -63,7 +63,10 @@ class AgentPicture:
         self._faces: list[tuple[Renderer, NDArray[np.float32], NDArray[np.bool_]]] = []
         self._renderer: Renderer | None = None
         if isinstance(camera, FieldOfView):
-            self._prepare_faces(camera)
+            scale = min(_PIXELS_PER_DEGREE, _WIDTH / math.degrees(camera.hfov))
+            for face, (columns, rays) in zip(camera.faces(), equirectangular(camera, scale)[1], strict=True):
+                pixels = face.camera.project(rays).astype(np.float32)
+                self._faces.append((Renderer(scene, face.camera, outputs=_OUTPUTS), pixels, columns))
         else:
             self._renderer = Renderer(scene, camera, outputs=_OUTPUTS, sensor=sensor)
 
@@ -92,10 +95,8 @@ class AgentPicture:
         for face, (renderer, pixels, columns) in zip(agent.faces, self._faces, strict=True):
             face_pose = agent.face_poses(face)
             views = renderer.render_at(face_pose, pixels[None], object_poses=poses, exclude=exclude)
-            for name in _OUTPUTS:
-                getattr(seen, name if name != "segmentation" else "objects")[:, columns] = getattr(views, name).numpy()[
-                    0
-                ]
+            for image, name in zip(vars(seen).values(), _OUTPUTS, strict=True):
+                image[:, columns] = getattr(views, name).numpy()[0]
         return seen
 
     def draw(self, seen: Seen, kind: PictureKind, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -103,15 +104,13 @@ class AgentPicture:
 
         `colors` are those of every object and, last, of pixels without an object, ``(objects + 1, 3)``.
         """
-        return _depth_picture(seen.depth, self.depth_range) if kind == "depth" else colors[seen.objects]
-
-    def _prepare_faces(self, field: FieldOfView) -> None:
-        """Compute the face and the position in its image of each pixel of the picture."""
-        scale = min(_PIXELS_PER_DEGREE, _WIDTH / math.degrees(field.hfov))
-        for face, (columns, rays) in zip(field.faces(), equirectangular(field, scale)[1], strict=True):
-            pixels = face.camera.project(rays).astype(np.float32)
-            renderer = Renderer(self.scene, face.camera, outputs=_OUTPUTS)
-            self._faces.append((renderer, pixels, columns))
+        if kind == "objects":
+            return colors[seen.objects]
+        near, far = self.depth_range
+        with np.errstate(invalid="ignore"):
+            index = np.clip((seen.depth - near) * (255 / max(far - near, _FINEST_RANGE)), 0, 255)
+        index = np.where(np.isfinite(seen.depth), index, np.where(seen.depth == -np.inf, 257, 256)).astype(np.int64)
+        return _color_table()[index]
 
 
 def with_view(
@@ -131,16 +130,6 @@ def kinect_noise(level: float) -> DepthSensor | None:
         return None
     kinect = kinect_v1(_WIDTH, 240)
     return replace(kinect, sigma=kinect.sigma * level, subpixel=max(1, round(kinect.subpixel / level)))
-
-
-def _depth_picture(depth: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.uint8]:
-    """Color depth as `depth_colors` does, with a lookup table."""
-    near, far = limits
-    table = _color_table()
-    with np.errstate(invalid="ignore"):
-        index = np.clip((depth - near) * (255 / max(far - near, _FINEST_RANGE)), 0, 255)
-    index = np.where(np.isfinite(depth), index, np.where(depth == -np.inf, 257, 256)).astype(np.int64)
-    return table[index]
 
 
 @lru_cache(maxsize=1)

@@ -134,7 +134,8 @@ class ViewerState:
         if self.model is not None and movable is not None:
             raise SceneError("movable must be None for a MuJoCo model, whose objects with a free joint can be dragged")
         self.scene = self.stage.scene
-        self.agents: dict[str, Agent] = {agent.name: _in_opencv_axes(agent) for agent in items}
+        in_opencv_axes = [replace(a, pose=a.poses[0].copy(), convention="opencv", quaternion="xyzw") for a in items]
+        self.agents: dict[str, Agent] = {agent.name: agent for agent in in_opencv_axes}
         if len(self.agents) < len(items):
             raise SceneError(f"agents must have different names, got {items[0].name!r} twice")
         self.initial_agents = dict(self.agents)
@@ -365,8 +366,3 @@ class ViewerState:
         """Return the heading of a camera about the vertical axis [rad]."""
         forward = poses_to_matrices(pose[None])[0, :3, 2]
         return math.atan2(forward[1], forward[0]) if self._vertical == 2 else math.atan2(forward[0], forward[2])
-
-
-def _in_opencv_axes(agent: Agent) -> Agent:
-    """Return an agent with its pose as a row in OpenCV axes."""
-    return replace(agent, pose=agent.poses[0].copy(), convention="opencv", quaternion="xyzw")

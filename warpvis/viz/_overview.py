@@ -83,12 +83,22 @@ def save_overview(
     camera_to_world = one_pose(camera_to_world, "camera_to_world", quaternion=quaternion)
     check_text(title, "title")
     require_scene(scene)
-    if not isinstance(_require_views(views, camera), Views) or not isinstance(floor_map, FloorMap):
+    require_camera(camera)
+    if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
+        raise ArrayError("views must be warpvis.Views with depth and segmentation")
+    for name in ("depth", "segmentation"):
+        check_shape(getattr(views, name).shape, ("V", camera.height, camera.width), name=name)
+    if not isinstance(floor_map, FloorMap):
         raise ArrayError(f"floor_map must be a warpvis.FloorMap, got {type(floor_map).__name__}")
     legend = floor_map.legend
     figure = new_figure(15.0, 4.79 + legend_height(legend, columns=6))
     outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
-    _draw_outside(outside, scene, camera, camera_to_world, views, eye, target)
+    pose, seen = look_at(eye, target, up=scene.up), (views.depth.numpy()[0], views.segmentation.numpy()[0])
+    outside.imshow(view_from_outside(scene, OUTSIDE_CAMERA, pose, camera, camera_to_world, *seen))
+    draw_lines(outside, OUTSIDE_CAMERA, pose, frustum(camera, camera_to_world, reach=1.0))
+    limits = {"xlim": (0, OUTSIDE_CAMERA.width), "ylim": (OUTSIDE_CAMERA.height, 0)}
+    outside.set(**limits, title="From outside (colored: seen)")
+    outside.set_axis_off()
     _draw_depth(image, views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
     draw_map(plan, floor_map.rgb()[0], floor_map.bounds, floor_map.axes, "Seen floor")
     draw_legend(figure, legend, columns=6)
@@ -141,16 +151,6 @@ def view_from_outside(
     return shaded_picture(scene, outside, outside_to_world, colors)
 
 
-def _require_views(views: object, camera: Camera) -> Views:
-    """Return `views` if it has depth and segmentation images of the camera's size."""
-    require_camera(camera)
-    if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
-        raise ArrayError("views must be warpvis.Views with depth and segmentation")
-    for name in ("depth", "segmentation"):
-        check_shape(getattr(views, name).shape, ("V", camera.height, camera.width), name=name)
-    return views
-
-
 def _seen_from(
     points: NDArray[np.float32],
     objects: NDArray[np.int32],
@@ -176,24 +176,6 @@ def _seen_from(
             near = np.abs(depth[row, column] - z) < 0.03 + 0.02 * z
             seen |= inside & near & (objects_seen[row, column] == objects)
     return seen
-
-
-def _draw_outside(
-    axes: Axes,
-    scene: Scene,
-    camera: Camera,
-    camera_to_world: ArrayLike,
-    views: Views,
-    eye: Sequence[float],
-    target: Sequence[float],
-) -> None:
-    outside = OUTSIDE_CAMERA
-    pose = look_at(eye, target, up=scene.up)
-    seen = (views.depth.numpy()[0], views.segmentation.numpy()[0])
-    axes.imshow(view_from_outside(scene, outside, pose, camera, camera_to_world, *seen))
-    draw_lines(axes, outside, pose, frustum(camera, camera_to_world, reach=1.0))
-    axes.set(xlim=(0, outside.width), ylim=(outside.height, 0), title="From outside (colored: seen)")
-    axes.set_axis_off()
 
 
 def _draw_depth(axes: Axes, depth: NDArray[np.float32], title: str, depth_range: tuple[float, float] | None) -> None:

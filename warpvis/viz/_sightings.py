@@ -200,13 +200,9 @@ def _draw_view(depth: NDArray[np.floating], title: str, camera: ImageCamera) -> 
     kind = "planar depth" if camera.kind == "z" else "range"
     figure = new_figure(7.2, 6.4)
     axes = figure.subplots()
-    image = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=_farthest(depth))
+    finite = depth[np.isfinite(depth)]
+    white = 1.15 * float(finite.max()) if finite.size else 1.0  # beyond all depths, to distinguish missing depth
+    image = axes.imshow(np.ma.masked_invalid(depth), cmap="gist_gray", vmin=0.0, vmax=white)
     axes.set(title=title, xlabel="x [px]", ylabel="y [px]")
     figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02).set_label(f"{kind} [m], white: none")
     return figure, axes
-
-
-def _farthest(depth: np.ndarray) -> float:
-    """Return the depth of white [m]: beyond the greatest depth of the image, to distinguish it from missing depth."""
-    finite = depth[np.isfinite(depth)]
-    return 1.15 * float(finite.max()) if finite.size else 1.0
