@@ -186,7 +186,7 @@ def floor_map(
     labels = read_labels(labels, points.shape, device)
     names, ground = read_classes(label_names, ground_labels)
     low, high = _check_bounds(bounds, up)
-    columns, rows = _check_cells(high - low, cell_size)
+    columns, rows = count_cells(high - low, check_length(cell_size, "cell_size", zero=False))
 
     grid = kernels.Grid()
     grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
@@ -234,16 +234,16 @@ def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDAr
     return corners[0], corners[1]
 
 
-def _check_cells(size: NDArray[np.float64], cell_size: float) -> tuple[int, int]:
-    check_length(cell_size, "cell_size", zero=False)
+def count_cells(size: NDArray[np.float64], side: float, grid: str = "a map", cells: str = "cells") -> list[int]:
+    """Return the number of cells along each axis of a grid."""
     # Tolerate rounding of the quotient: a map of 4 m in cells of 2 cm has 200 cells.
-    columns, rows = np.ceil(size / cell_size - 1e-6)
-    if columns * rows > _MAX_CELLS:
+    counts = np.ceil(size / side - 1e-6).clip(min=1)
+    if counts.prod() > _MAX_CELLS:
+        shape = " x ".join(f"{count:.0f}" for count in counts)
         raise ArrayError(
-            f"a map must have at most {_MAX_CELLS} cells, got {columns:.0f} x {rows:.0f}; "
-            f"use a cell_size greater than {cell_size} m"
+            f"{grid} must have at most {_MAX_CELLS} {cells}, got {shape}; use a cell_size greater than {side} m"
         )
-    return int(columns), int(rows)
+    return [int(count) for count in counts]
 
 
 def _check_robots(robots: ArrayLike, device: wp.Device) -> wp.array:

@@ -26,7 +26,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_pose
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.maps._floor_map import ground_bits, read_classes
+from warpvis.maps._floor_map import count_cells, ground_bits, read_classes
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
 from warpvis.rendering import Renderer, rays_on_device
 from warpvis.scene import Scene
@@ -35,8 +35,6 @@ from warpvis.scene.worlds import parse_worlds, part_of
 if TYPE_CHECKING:
     from warpvis.kernels.maps.voxels import VoxelGrid
     from warpvis.kernels.pinhole import Window
-
-_MAX_VOXELS = 2**31 - 1
 
 # Depth and labels of 218 images of 320x240: 84 MB.
 _PIXELS_AT_A_TIME = 2**24
@@ -258,15 +256,9 @@ def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
-    # Tolerate rounding of the quotient: a box of 4 m in voxels of 2 cm has 200 voxels.
-    x, y, z = np.ceil((corners[1] - corners[0]) / side - 1e-6).clip(min=1)
-    if x * y * z > _MAX_VOXELS:
-        raise ArrayError(
-            f"a grid must have at most {_MAX_VOXELS} voxels, got {x:.0f} x {y:.0f} x {z:.0f}; "
-            f"use a cell_size greater than {side} m"
-        )
+    x, y, z = count_cells(corners[1] - corners[0], side, "a grid", "voxels")
     first, second, third = corners[0].tolist()
-    return (first, second, third), (int(x), int(y), int(z)), side
+    return (first, second, third), (x, y, z), side
 
 
 def add_lens_views(

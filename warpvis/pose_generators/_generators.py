@@ -1,10 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Generators of camera poses: around a point, in a volume, at random, along a path.
-
-Poses are rows ``x y z qx qy qz qw`` [m], OpenCV camera to world. Images are upright: their x axis is horizontal. In the
-image of a camera that looks straight up or down, the floor's first axis (x where z is up, z where y is up) points up.
-"""
+"""The generators of camera poses; the package's docstring defines their conventions."""
 
 from __future__ import annotations
 
@@ -332,7 +328,7 @@ def _look_at(places: NDArray[np.float64], target: NDArray[np.float64], vertical:
 
 
 def poses_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:
-    """Build poses along directions of any nonzero length; see the module for vertical directions."""
+    """Build poses along directions of any nonzero length; see the package for vertical directions."""
     first, second = (vertical + 1) % 3, (vertical + 2) % 3
     rows = np.empty((len(places), 7))
     for start in range(0, len(places), _AT_A_TIME):

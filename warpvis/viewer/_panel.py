@@ -148,35 +148,31 @@ class Panel:
 
     def _add_agent(self, agent: Agent) -> None:
         """Add an agent's sliders."""
-        name, state, gui = agent.name, self._state, self._gui
-        with gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
-            height = state.height(name)
-            max_height = max(_MAX_HEIGHT, 2 * height)
-            min_height = min(0.0, height)
-            self._slider(
-                f"{name} height",
-                "height [m]",
-                (min_height, max_height, 0.01),
-                height,
-                lambda v: state.raise_agent(name, v),
-            )
+        name, values = agent.name, self._values(agent)
+        with self._gui.add_folder(f"{name}'s eyes", expand_by_default=len(self.sliders) == 0):
+            height = values["height"]
+            limits = (min(0.0, height), max(_MAX_HEIGHT, 2 * height), 0.01)
+            self._slider(f"{name} height", "height [m]", limits, height, partial(self._state.raise_agent, name))
             if (camera := agent.pinhole) is not None:
-                wide = math.degrees(camera.hfov)
-                far = camera.far if math.isfinite(camera.far) else _MAX_FAR
+                wide, far = values["hfov"], values["far"]
+                limits = (min(20.0, wide), max(120.0, wide), 1.0)
                 self._slider(
                     f"{name} hfov",
                     "field of view [deg]",
-                    (min(20.0, wide), max(120.0, wide), 1.0),
+                    limits,
                     wide,
                     lambda v: self._set_view(name, hfov=math.radians(v)),
                 )
-                self._slider(
-                    f"{name} far",
-                    "range [m]",
-                    (max(_MIN_FAR, camera.near + 0.1), max(_MAX_FAR, far), 0.1),
-                    far,
-                    lambda v: self._set_view(name, far=v),
-                )
+                limits = (max(_MIN_FAR, camera.near + 0.1), max(_MAX_FAR, far), 0.1)
+                self._slider(f"{name} far", "range [m]", limits, far, lambda v: self._set_view(name, far=v))
+
+    def _values(self, agent: Agent) -> dict[str, float]:
+        """Return the values of an agent's sliders: height [m]; for a pinhole, field of view [degrees] and range [m]."""
+        values = {"height": self._state.height(agent.name)}
+        if (camera := agent.pinhole) is not None:
+            values["hfov"] = math.degrees(camera.hfov)
+            values["far"] = camera.far if math.isfinite(camera.far) else _MAX_FAR
+        return values
 
     def _add_frames(self) -> None:
         """Add a slider and a checkbox to play frames."""
@@ -245,12 +241,7 @@ class Panel:
 
     def _follow(self, name: str) -> None:
         """Set an agent's sliders to match the state."""
-        agent = self._state.agents[name]
-        values = {"height": self._state.height(name)}
-        if (camera := agent.pinhole) is not None:
-            values |= {"hfov": math.degrees(camera.hfov)}
-            values |= {"far": camera.far if math.isfinite(camera.far) else _MAX_FAR}
-        for key, value in values.items():
+        for key, value in self._values(self._state.agents[name]).items():
             slider = self.sliders.get(f"{name} {key}")
             if slider is not None:
                 slider.value = min(max(value, slider.min), slider.max)
