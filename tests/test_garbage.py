@@ -143,6 +143,9 @@ OURS = {
     "TimeOfFlight.measure",
     "FieldOfView.faces",
     "FrameRenderer.render",
+    "Frames.take",
+    "Frames.world_of",
+    "Perspective.cell",
     "Agent.face_poses",
     "Agent.angles_to",
     # Arguments of Gymnasium.

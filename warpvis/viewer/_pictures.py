@@ -17,9 +17,8 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.rendering import DepthSensor, Output, Renderer
 from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1
-from warpvis.visibility import Agent, FieldOfView
+from warpvis.visibility import Agent, FieldOfView, equirectangular
 from warpvis.viz import depth_colors
-from warpvis.viz._agent_views import equirectangular
 
 PictureKind = Literal["depth", "objects"]
 

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView
+from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView, equirectangular as equirectangular
 from warpvis.visibility._objects import (
     BOP_DELTA,
     ObjectVisibility as ObjectVisibility,

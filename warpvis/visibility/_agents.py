@@ -261,3 +261,27 @@ def _as_tuple(names: Sequence[str] | str) -> tuple[str, ...]:
 def _check_resolution(resolution: object) -> None:
     if not is_number(resolution) or not 0 < resolution < math.inf:
         raise CameraError(f"resolution must be a positive number of pixels per radian, got {resolution!r}")
+
+
+def equirectangular(
+    field: FieldOfView, scale: float
+) -> tuple[tuple[int, int], list[tuple[NDArray[np.bool_], NDArray[np.float64]]]]:
+    """Divide an equirectangular image with `scale` pixels per degree among the faces of a field of view.
+
+    Returns:
+        Height and width of the image; and for each face its columns, ``(w,)``, and the rays of their pixels in the
+        frame of the face's camera, ``(h, n, 3)``, with z = 1.
+    """
+    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
+    width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
+    azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
+    elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
+    count = len(field.faces())
+    face_of = np.minimum((azimuths + field.hfov / 2) * count // field.hfov, count - 1).astype(int)
+    parts = []
+    for k in range(count):
+        columns = face_of == k
+        offset = azimuths[columns] - ((k + 0.5) * field.hfov / count - field.hfov / 2)
+        rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
+        parts.append((columns, rays))
+    return (height, width), parts

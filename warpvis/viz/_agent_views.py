@@ -18,7 +18,7 @@ from warpvis.core.types import ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import Renderer, Views, render
 from warpvis.scene import Scene, require_scene
-from warpvis.visibility import Agent, FieldOfView, Perspective, State
+from warpvis.visibility import Agent, FieldOfView, Perspective, State, equirectangular
 from warpvis.viz._drawing import border_rays
 
 STATE_COLORS: dict[State, tuple[int, int, int]] = {
@@ -192,27 +192,3 @@ def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) ->
         border = np.degrees(np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=1))
     sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
     return AgentView(distance, normals, objects, (-sides, sides, -down, up), border)
-
-
-def equirectangular(
-    field: FieldOfView, scale: float
-) -> tuple[tuple[int, int], list[tuple[NDArray[np.bool_], NDArray[np.float64]]]]:
-    """Divide an equirectangular image with `scale` pixels per degree among the faces of a field of view.
-
-    Returns:
-        Height and width of the image; and for each face its columns, ``(w,)``, and the rays of their pixels in the
-        frame of the face's camera, ``(h, n, 3)``, with z = 1.
-    """
-    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
-    width, height = math.ceil(2 * sides * scale), math.ceil((up + down) * scale)
-    azimuths = np.radians((np.arange(width) + 0.5) / width * 2 * sides - sides)
-    elevations = np.radians(up - (np.arange(height) + 0.5) / height * (up + down))[:, None]
-    count = len(field.faces())
-    face_of = np.minimum((azimuths + field.hfov / 2) * count // field.hfov, count - 1).astype(int)
-    parts = []
-    for k in range(count):
-        columns = face_of == k
-        offset = azimuths[columns] - ((k + 0.5) * field.hfov / count - field.hfov / 2)
-        rays = np.stack(np.broadcast_arrays(np.tan(offset), -np.tan(elevations) / np.cos(offset), 1.0), axis=-1)
-        parts.append((columns, rays))
-    return (height, width), parts
