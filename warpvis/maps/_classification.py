@@ -75,8 +75,7 @@ def back_project(
         Points in the world frame [m], shape ``(V, H, W)`` vec3; NaN where depth is not finite, not positive, less than
         the camera's `near` or greater than its `far`, or where a lens has no ray.
     """
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    depth, poses = _read_images(depth, camera, camera_to_world, convention, device)
+    depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
     points = _allocate(out, wp.vec3, depth)
     launch_back_project(camera, poses, depth, points, threads)
     return points
@@ -129,8 +128,7 @@ def classify(
     """
     from warpvis.kernels.maps import classify as kernels
 
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    depth, poses = _read_images(depth, camera, camera_to_world, convention, device, max_range)
+    depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device, max_range)
     ground = kernels.Ground()
     ground.up = check_up(up)
     ground.sigma = check_length(ground_tolerance, "ground_tolerance", infinite=True)
@@ -188,15 +186,17 @@ def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.arra
     return result
 
 
-def _read_images(
+def read_images(
     depth: ArrayInput,
     camera: ImageCamera,
     camera_to_world: PoseLike,
     convention: Convention,
+    quaternion: QuaternionOrder,
     device: DeviceLike,
     max_range: float | None = None,
 ) -> tuple[wp.array, wp.array]:
     """Read depth images and their poses on one device."""
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     require_image_camera(camera)
     depth = read_depth(depth, camera, device, max_range=_check_range(max_range, camera))
     poses = parse_poses(camera_to_world, convention=convention, device=depth.device)

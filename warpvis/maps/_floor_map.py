@@ -100,14 +100,6 @@ def ground_bits(labels: Iterable[int]) -> object:
     return GroundLabels(*words)
 
 
-def read_classes(
-    label_names: Mapping[int, str] | None, ground_labels: Iterable[Label | int | str]
-) -> tuple[LabelNames, frozenset[int]]:
-    """Parse class names and ground labels; see `floor_map`."""
-    names = LabelNames(label_names)
-    return names, frozenset(names.numbers(ground_labels, "ground_labels"))
-
-
 @dataclass(frozen=True)
 class FloorMap:
     """Maps of the floor as seen from above, one per view."""
@@ -184,7 +176,8 @@ def floor_map(
     device = points.device if isinstance(points, wp.array) else get_device("cpu")
     points = as_warp(points, wp.vec3, ("V", "H", "W"), name="points", device=device)
     labels = read_labels(labels, points.shape, device)
-    names, ground = read_classes(label_names, ground_labels)
+    names = LabelNames(label_names)
+    ground = frozenset(names.numbers(ground_labels, "ground_labels"))
     low, high = _check_bounds(bounds, up)
     columns, rows = count_cells(high - low, check_length(cell_size, "cell_size", zero=False))
 

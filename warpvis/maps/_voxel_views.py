@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.depth_images import read_depth, read_labels
+from warpvis.cameras.depth_images import read_labels
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import as_numpy, check_length, empty
@@ -26,7 +26,8 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_pose
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.maps._floor_map import count_cells, ground_bits, read_classes
+from warpvis.maps._classification import read_images
+from warpvis.maps._floor_map import count_cells, ground_bits
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
 from warpvis.rendering import Renderer, rays_on_device
 from warpvis.scene import Scene
@@ -103,20 +104,15 @@ def voxel_map(
     Returns:
         One map of all views; `out` if given.
     """
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if out is not None and device is None:
         device = require_map(out, "out").states.device
-    images = read_depth(depth, camera, device)
-    device = images.device
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
-    if len(poses) != len(images):
-        raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(images)}, got {len(poses)}")
-    pixel_labels = None if labels is None else read_labels(labels, images.shape, device)
-    ground_classes: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
-    _, ground = read_classes(label_names, ground_classes)
+    images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
+    pixel_labels = None if labels is None else read_labels(labels, images.shape, images.device)
     if out is not None and ground_labels is None:
-        ground = require_map(out, "out").ground_labels
-    result = _map_for(bounds, cell_size, up, device, out, label_names, ground)
+        ground_labels = require_map(out, "out").ground_labels
+    classes: Iterable[Label | int | str] = (Label.GROUND,) if ground_labels is None else ground_labels
+    ground = frozenset(LabelNames(label_names).numbers(classes, "ground_labels"))
+    result = _map_for(bounds, cell_size, up, images.device, out, label_names, ground)
     _add_views(result, images, pixel_labels, camera, poses, threads)
     return result
 
