@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands ``warpvis info``, the content of a scene file or machine, and ``sensor-fit``, of images of walls."""
+"""The commands ``warpvis info``, on this machine or a scene file, and ``sensor-fit``, on images of walls."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from warpvis.scene import Scene
+    from warpvis.webots import Device, Lidar
 
 # A vertex is three floats, a face three indices; a tree takes 50 bytes (32 lanes) to 52 (16 lanes) per triangle.
 _CORNER_BYTES, _FACE_BYTES, _TREE_BYTES = 12, 12, 51
@@ -34,18 +35,33 @@ class Info(SceneOptions):
     file: MaybeSceneFile = None
 
     def run(self) -> None:
-        from warpvis.cli._webots import is_world, print_world
-
         if self.file is None:
             refuse_options(self, scene_options, "info of this machine takes")
             _print_versions()
         elif is_world(self.file):
             unused = [name for name in scene_options if name not in ("search_path", "strict", "labels", "label_names")]
             refuse_options(self, unused, "info of a Webots world takes")
-            scene = print_world(self.file, search_path=self.folders(), strict=self.strict, labels=self.label_rules())
-            print(f"\n{describe(scene)}")
+            self._print_world(self.file)
         else:
             self._print_objects(self.file)
+
+    def _print_world(self, file: Path) -> None:
+        """Print the tree of a Webots world, its devices, lists of skipped and replaced nodes, and its size."""
+        from warpvis.webots import load_webots
+
+        world = load_webots(file, search_path=self.folders(), strict=self.strict, labels=self.label_rules())
+        triangles = pluralize(world.scene.triangle_count, "triangle")
+        print(f"{file}: {world.version}, {world.scene.up} up, {pluralize(len(world.scene), 'object')}, {triangles}")
+        print(world.tree)
+        devices: dict[str, Mapping[str, Device | Lidar]] = {"device": world.devices, "lidar": world.lidars}
+        for kind, named in devices.items():
+            for name, item in named.items():
+                place = " ".join(f"{value:.4g}" for value in item.pose)
+                print(f"{kind}  {name!r} of {item.robot!r}: {item.describe()}; at {place}")
+        for kind, counts in (("left out", world.skipped), ("stand-in", world.stand_ins)):
+            for name, count in counts.items():
+                print(f"{kind}  {name} ({count})")
+        print(f"\n{describe(world.scene)}")
 
     def _print_objects(self, file: Path) -> None:
         scene = self.load_scene(file)
@@ -60,6 +76,11 @@ class Info(SceneOptions):
             )
         print()
         print(format_rows(["object", "label", "triangles", "least corner [m]", "greatest corner [m]"], rows))
+
+
+def is_world(path: Path | None) -> bool:
+    """Return whether a file is a Webots world, by its name."""
+    return path is not None and path.suffix.lower() == ".wbt"
 
 
 def describe(scene: Scene) -> str:

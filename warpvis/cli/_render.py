@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
+import re
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from warpvis.cli._datasets import ImageOptions, print_summary
+from warpvis.cli._info import is_world
 from warpvis.cli._inputs import (
     MaybePoses,
     Names,
@@ -24,12 +27,14 @@ from warpvis.cli._inputs import (
     split_names,
     viewpoint_options,
 )
-from warpvis.cli._output import with_help
+from warpvis.cli._output import make_folder, with_help
 from warpvis.core.checks import check_choice, pluralize
-from warpvis.errors import CameraError, FileFormatError, PoseError
+from warpvis.core.file_content import writing
+from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError
 
 if TYPE_CHECKING:
     import numpy as np
+    from numpy.typing import NDArray
 
     from warpvis.batch import Format, FrameDataset
     from warpvis.cameras import ImageCamera, Rays
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
     from warpvis.rendering import Output
     from warpvis.scene import Scene
     from warpvis.sensors.lidars import Livox
+    from warpvis.webots import Device, Lidar, WebotsWorld
 
 _FRAMES = (*viewpoint_options[len(scene_options) :], "movable", "worlds")
 _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
@@ -87,8 +93,6 @@ class Render(ImageOptions):
     """Webots worlds only: values as computed by the Webots version in the world's header, instead of true depth."""
 
     def run(self) -> None:
-        from warpvis.cli._webots import is_world, render_world
-
         if self.lidar is not None:
             self._render_clouds(self.lidar)
         elif self.moving:
@@ -103,18 +107,54 @@ class Render(ImageOptions):
         else:
             scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects")
             refuse_options(self, (*_FRAMES, *_IMAGES, "format", *scene), "a world's devices have their own poses: give")
-            seen = render_world(
-                self.file,
-                self.out,
-                device_name=self.device_name,
-                version_exact=self.version_exact,
-                quiet=self.quiet,
-                threads=self.threads,
-                device=self.device,
-                search_path=self.folders(),
-                strict=self.strict,
+            self._render_world()
+
+    def _render_world(self) -> None:
+        """Render range finders and lidars of a Webots world; warn of those that see nothing."""
+        import numpy as np
+
+        from warpvis.webots import load_webots, render_lidar, render_range
+
+        world = load_webots(self.file, device=self.device, search_path=self.folders(), strict=self.strict)
+        finders, lidars = self._choose_devices(world)
+        release, blind = "header" if self.version_exact else None, []
+        kinds: list[tuple[Any, ...]] = [
+            (finders, world.devices, render_range, _write, ("depth.npz", "depth/000000.png")),
+            (lidars, world.lidars, render_lidar, _write_scan, ("ranges.npz", "pcd/000000.pcd")),
+        ]
+        for names, devices, render, write, files in kinds:
+            for name in names:
+                image = render(world, name, webots_version=release, threads=self.threads)
+                folder = self.out / re.sub(r"[^\w .-]|^\.+", "_", name)
+                write(folder, devices[name], image, self.version_exact)
+                # Some versions of Webots return the maximum range for no hit.
+                if not (np.isfinite(image) & (image < devices[name].max_range)).any():
+                    blind.append(name)
+                if not self.quiet:
+                    print(f"{name}: {', '.join(str(folder / file) for file in files)}")
+        if blind:
+            count = pluralize(len(finders) + len(lidars), "device")
+            sees = "sees nothing in its" if len(blind) == 1 else "see nothing in their"
+            warnings.warn(f"{len(blind)} of {count} {sees} range: {', '.join(map(repr, blind))}", stacklevel=2)
+        self.end(empty=len(blind) == len(finders) + len(lidars))
+
+    def _choose_devices(self, world: WebotsWorld) -> tuple[list[str], list[str]]:
+        """Return the range finders and the lidars to render: all of them, or the given one."""
+        from warpvis.webots import find_device
+
+        name = self.device_name
+        if name in world.lidars and name not in world.devices:
+            return [], [name]
+        if name is not None:
+            find_device(world, name)
+            return [name], []
+        finders = [known for known, item in world.devices.items() if item.measures]
+        if not finders and not world.lidars:
+            known = ", ".join(map(repr, world.devices)) or "none"
+            raise SceneError(
+                f"{self.file} has no range finder or lidar; its devices are: {known}; give --poses and --camera"
             )
-            self.end(empty=not seen)
+        return finders, list(world.lidars)
 
     def _render_clouds(self, name: str) -> None:
         """Write a cloud of every frame, OUT/pcd/000000.pcd and so on."""
@@ -295,3 +335,52 @@ def _write_pictures(dataset: FrameDataset, out: Path) -> str:
     save_contact_sheet([dataset.read("depth", index) for index in spread], names, out / _SHEET, depth_range)
     extent = "" if count == len(first) else f" of the first {pluralize(len(first), 'frame')}"
     return f"{out / _PREVIEWS}{extent}, {out / _SHEET}"
+
+
+def _write(folder: Path, device: Device, image: NDArray[np.float32], bent: bool) -> None:
+    """Write an image; if the device's lens distorts it, with the lens instead of K, which describes a pinhole only."""
+    import numpy as np
+
+    from warpvis.io import save_depth_png
+
+    make_folder(folder / "depth")
+    arrays: dict[str, NDArray[np.generic]] = {"depth": image[None], "timestamps": np.zeros(1)}
+    arrays["camera_to_world"] = device.pose[None].astype(np.float32)
+    if bent and device.bends and device.lens is not None:
+        lens = device.lens
+        arrays |= {"hfov": np.array(device.fov), "lens": np.array([lens.center, lens.radial, lens.tangential])}
+    elif device.projection == "planar":
+        arrays["K"] = device.camera.to_K()
+    else:
+        arrays |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}
+    _write_arrays(folder / "depth.npz", arrays)
+    save_depth_png(image, folder / "depth" / "000000.png")
+
+
+def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], drawn: bool) -> None:
+    """Write a range image with its rays, and its point cloud in the lidar's frame."""
+    import numpy as np
+    import warp as wp
+
+    from warpvis.io import save_clouds
+    from warpvis.rendering import Views
+    from warpvis.sensors import point_clouds
+
+    make_folder(folder)
+    rays = lidar.drawn_rays if drawn else lidar.rays
+    lengths = image
+    if drawn and lidar.projection == "planar" and not lidar.rotates:
+        lengths = (image / lidar.cosines()).astype(np.float32)
+    arrays: dict[str, NDArray[np.generic]] = {"ranges": image, "directions": rays.directions}
+    arrays["lidar_to_world"] = lidar.pose
+    _write_arrays(folder / "ranges.npz", arrays)
+    # Some versions of Webots return the maximum range for no hit.
+    found = np.where(image < lidar.max_range, lengths, np.float32(np.inf))
+    save_clouds(folder / "pcd", point_clouds(Views(depth=wp.array(found[None], device="cpu")), rays), ".pcd")
+
+
+def _write_arrays(path: Path, arrays: dict[str, NDArray[np.generic]]) -> None:
+    from warpvis.batch import npz_parts
+
+    with writing(path):
+        path.write_bytes(b"".join(npz_parts(arrays)))

@@ -184,11 +184,8 @@ def floor_map(
     grid = kernels.Grid()
     grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
     grid.up_axis = check_up(up)
-    grid.origin, grid.cell, grid.level = (
-        wp.vec2(*low),
-        cell_size,
-        check_length(level_tolerance, "level_tolerance", infinite=True),
-    )
+    grid.origin, grid.cell = wp.vec2(*low), cell_size
+    grid.level = check_length(level_tolerance, "level_tolerance", infinite=True)
     grid.ground = ground_bits(ground)
     discs = _check_robots(robots, device)
 

@@ -163,10 +163,8 @@ def voxel_map_from_scene(
     if box is None and out is not None:
         box = require_map(out, "out").bounds
     elif box is None:
-        box = scene.bounds.astype(np.float64) + [
-            [-1.5 * check_length(cell_size, "cell_size", zero=False)],
-            [1.5 * cell_size],
-        ]
+        margin = 1.5 * check_length(cell_size, "cell_size", zero=False)
+        box = scene.bounds.astype(np.float64) + [[-margin], [margin]]
     classes = (scene.label_names, scene.ground_labels)
     result = _map_for(box, cell_size, scene.up, scene.device, out, *classes)
     step = max(1, _PIXELS_AT_A_TIME // (camera.width * camera.height))

@@ -196,11 +196,8 @@ def best_views(
     poses = parse_worlds(scene, 1, object_poses, [0], None).object_poses
     if len(poses) != 1:
         raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
-    surroundings: dict[str, Any] = {
-        "object_poses": poses if scene.movable else None,
-        "exclude": _check_exclude(exclude),
-    }
-
+    surroundings: dict[str, Any] = {"object_poses": poses if scene.movable else None}
+    surroundings["exclude"] = _check_exclude(exclude)
     free = np.isfinite(lengths)
     if radius is not None:
         free &= standing_room(scene, rows, radius=radius, floor=floor, **surroundings)

@@ -94,10 +94,8 @@ def save_perspective(
         object_poses: Poses of the movable objects in the situation, ``(M, 7)``; those of `seen` by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
     """
-    proposed, object_poses = (
-        to_xyzw(proposed, quaternion, "proposed"),
-        to_xyzw(object_poses, quaternion, "object_poses"),
-    )
+    proposed = to_xyzw(proposed, quaternion, "proposed")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     figure = draw_perspective(scene, agents, seen, view, title, labels, eye, target, proposed, object_poses)
     save_figure(figure, path)
 

@@ -96,10 +96,9 @@ def save_sightings(
     """
     from matplotlib.patches import Patch
 
-    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
-    worlds = {"object_poses": object_poses, "exclude": exclude}
+    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
+    worlds = {"object_poses": to_xyzw(object_poses, quaternion, "object_poses"), "exclude": exclude}
     views = render(scene, camera, pose, outputs=("depth", "normals"), **worlds)
     depth, normals = views.depth.numpy()[0], views.normals.numpy()[0]
     found = see_objects(scene, camera, pose, objects=objects, masks=True, **worlds)
@@ -165,10 +164,9 @@ def save_point_sightings(
     """
     from matplotlib.lines import Line2D
 
-    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_text(title, "title")
-    worlds = {"object_poses": object_poses, "exclude": exclude}
+    pose = one_pose(camera_to_world, "camera_to_world", convention, quaternion)
+    worlds = {"object_poses": to_xyzw(object_poses, quaternion, "object_poses"), "exclude": exclude}
     found = point_visibility(scene, camera, pose, points, tolerance=tolerance, **worlds)
     assert not isinstance(found, tuple)  # occluders are not requested
     status = found.numpy()[0]
