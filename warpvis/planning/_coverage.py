@@ -72,15 +72,13 @@ def surface_samples(
         spacing: Approximate spacing of the samples [m].
         objects: Names or indices of the objects to sample; all by default.
         labels: Alternatively, labels of the objects to sample, such as ``"ground"``.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         seed: Seed of the samples.
     """
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     spacing = check_length(spacing, "spacing", zero=False)
     check_whole(seed, "seed", minimum=0)
-    vertices, _ = one_world(scene, object_poses, None)
+    vertices, _ = one_world(scene, object_poses, None, quaternion)
     chosen = _choose(scene, objects, labels)
     corners = [vertices[index].astype(np.float64)[scene.objects[index].faces] for index in chosen]
     doubled = [np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0]) for part in corners]
@@ -180,8 +178,7 @@ def coverage(
         count: Number of views to choose; by default all are ordered.
         tolerance: Maximum distance of a visible sample behind the first surface along its ray [m]. Triangles of movable
             solids are farther than this behind the exact round surface, unless they are fine or this is greater.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         exclude: Excluded objects, as for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.

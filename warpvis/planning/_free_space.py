@@ -52,8 +52,7 @@ def clearance(
         max_distance: Maximum distance of the search [m]; lower values are faster.
         objects: Names or indices of the objects to search; all by default.
         exclude: Names or indices of objects to ignore.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: Number of CPU threads; by default all cores available to the process.
 
@@ -63,9 +62,8 @@ def clearance(
     """
     from warpvis.kernels.visibility.clearance import nearest_surface
 
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     max_distance = check_length(max_distance, "max_distance", infinite=True)
-    vertices, excluded = one_world(scene, object_poses, exclude)
+    vertices, excluded = one_world(scene, object_poses, exclude, quaternion)
     chosen = [index for index in choose_objects(scene, objects) if not excluded[index]]
     device = scene.device
     places = as_points(points, "points", "N", device)
@@ -108,8 +106,7 @@ def standing_room(
         step: Height above the floor up to which geometry is ignored [m], such as a threshold, or a floor with another
             label.
         exclude: Names or indices of objects that are not obstacles, such as the robot's body.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: Number of CPU threads; by default all cores available to the process.
 
@@ -119,10 +116,9 @@ def standing_room(
     from warpvis.kernels.visibility.clearance import find_free_poses
 
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     radius = check_length(radius, "radius", zero=False)
     low = check_length(floor, "floor", signed=True) + check_length(step, "step")
-    vertices, excluded = one_world(scene, object_poses, exclude)
+    vertices, excluded = one_world(scene, object_poses, exclude, quaternion)
     device, up = scene.device, check_up(scene.up)
     poses = parse_poses(camera_to_world, device=device)
     hinders = [i for i, item in enumerate(scene.objects) if item.label not in scene.ground_labels and not excluded[i]]
@@ -140,11 +136,12 @@ def standing_room(
 
 
 def one_world(
-    scene: Scene, object_poses: ObjectPoses, exclude: Excluded
+    scene: Scene, object_poses: ObjectPoses, exclude: Excluded, quaternion: QuaternionOrder = "xyzw"
 ) -> tuple[list[NDArray[np.float32]], NDArray[np.bool_]]:
     """Return the vertices of all objects in one world [m], ``(n, 3)`` each, and flags of the excluded objects."""
     require_scene(scene)
     objects = scene.require_objects()
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     worlds = parse_worlds(scene, 1, object_poses, np.zeros(1, dtype=np.int32), exclude)
     if worlds.object_poses.shape[0] != 1:
         raise PoseError(f"object_poses must be of one world, got {worlds.object_poses.shape[0]}")
@@ -202,8 +199,7 @@ def inside_solids(
         scene: The scene.
         points: Points in the world frame [m], shape ``(N, 3)``.
         exclude: Names or indices of objects to ignore.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
@@ -268,8 +264,7 @@ def minimum_height(
         end_tolerance: Distance from the ends of a line within which occluders are ignored [m], since targets lie on
             surfaces. It applies before raising; for a line that becomes longer, the same fraction at either end is
             ignored. Points within twice `end_tolerance` see each other.
-        object_poses: Poses of the movable objects in one world, rows ``x y z qx qy qz qw``, shape ``(M, 7)``. By
-            default their initial poses.
+        object_poses: Poses ``x y z qx qy qz qw`` of the movable objects, ``(M, 7)``; their initial poses by default.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         exclude: Names or indices of objects that do not occlude.
         threads: Number of CPU threads; by default all cores available to the process.
@@ -280,11 +275,10 @@ def minimum_height(
     """
     from warpvis.kernels.visibility.heights import climb
 
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     check_choice(raises, "raises", ("target", "eye"))
     max_height = check_length(max_height, "max_height")
     end_tolerance = check_length(end_tolerance, "end_tolerance", zero=False)
-    vertices, excluded = one_world(scene, object_poses, exclude)
+    vertices, excluded = one_world(scene, object_poses, exclude, quaternion)
     device = scene.device
     viewers, points = as_points(eyes, "eyes", "E", device), as_points(targets, "targets", "N", device)
     heights = empty((len(viewers), len(points)), wp.float32, name="heights", device=device)
