@@ -67,8 +67,8 @@ TESTS: tuple[tuple[str, str], ...] = (
     # Headers that every packet caster includes.
     ("cpu/sparse.h", "packets points point_packets solids exact_pixels"),
     ("cpu/solids.h", "solids sizes"),
-    ("cpu/movables.h", "worlds sizes instances solids object_visibility"),
-    ("cpu/worlds.h", "worlds sizes instances packets faces"),
+    ("cpu/objects.h", "worlds sizes instances solids object_visibility"),
+    ("cpu/scene.h", "worlds sizes instances packets faces"),
     ("shared/stretch.h", "sizes"),
     ("cpu/workers.h", "threads packets worlds"),
     ("cpu/arena.h", "threads packets worlds"),

@@ -79,9 +79,9 @@ def test_a_header_is_included_once_after_those_that_it_includes():
 
 
 def test_lines_are_numbered_as_in_the_header():
-    text = include_native("cpu/movables.h").extra_cpu_preamble
-    number, rest = text.rpartition("#line ")[2].split(' "cpu/movables.h"\n')
-    lines = (native_source._FOLDER / "cpu" / "movables.h").read_text(encoding="utf-8").splitlines()
+    text = include_native("cpu/objects.h").extra_cpu_preamble
+    number, rest = text.rpartition("#line ")[2].split(' "cpu/objects.h"\n')
+    lines = (native_source._FOLDER / "cpu" / "objects.h").read_text(encoding="utf-8").splitlines()
     assert rest.splitlines()[:-1] == lines[int(number) - 1 :]
     assert int(number) < 20
 

@@ -162,7 +162,7 @@ def assert_anywhere_in_images(packets, there, places):
 
 
 def pixels_of(side):
-    """Return the z-buffer's pixel positions: `Packet::index` of kernels/native/cuda/pixels.h, in blocks of 8 x 4."""
+    """Return the z-buffer's pixel positions: `Packet::index` of kernels/native/cuda/image.h, in blocks of 8 x 4."""
     at = np.zeros((side * side, 2))
     columns = side // 8
     for y, x in np.ndindex(side, side):

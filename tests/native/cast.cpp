@@ -155,28 +155,35 @@ SceneBvh cluster(const Scene& scene) {
 }
 
 static warpvis::Scene scene_of(const SceneBvh& c, const Worlds& worlds) {
-    return {{c.leaves.data, c.owners.data, c.nodes.data, c.children.data, c.static_root, c.all_closed,
-             c.closed_boxes.data, c.closed_object.data, (int)c.closed_object.count},
-            {(int)c.object.count,
-             worlds.moving,
-             c.object.data,
-             c.root.data,
-             c.first_leaf.data,
-             c.first_id.data,
-             c.closed.data,
-             c.boxes.data,
-             c.solid.data,
-             c.size.data,
-             worlds.instances.data,
-             worlds.poses.data,
-             nullptr,
-             worlds.worlds,
-             worlds.world.data,
-             worlds.excluded.data,
-             worlds.excluded_views,
-             (int)c.labels.count,
-             c.still.data,
-             (int)c.still.count}};
+    return {.bvh = {.leaves = c.leaves.data,
+                    .owners = c.owners.data,
+                    .nodes = c.nodes.data,
+                    .children = c.children.data,
+                    .root = c.static_root,
+                    .all_closed = c.all_closed,
+                    .closed_boxes = c.closed_boxes.data,
+                    .closed_object = c.closed_object.data,
+                    .closed_count = (int)c.closed_object.count},
+            .movables = {.count = (int)c.object.count,
+                         .moving = worlds.moving,
+                         .object = c.object.data,
+                         .root = c.root.data,
+                         .first_leaf = c.first_leaf.data,
+                         .first_id = c.first_id.data,
+                         .closed = c.closed.data,
+                         .boxes = c.boxes.data,
+                         .solid = c.solid.data,
+                         .size = c.size.data,
+                         .instance_poses = worlds.instances.data,
+                         .poses = worlds.poses.data,
+                         .sizes = nullptr,
+                         .worlds = worlds.worlds,
+                         .world = worlds.world.data,
+                         .excluded = worlds.excluded.data,
+                         .excluded_views = worlds.excluded_views,
+                         .objects = (int)c.labels.count,
+                         .static_object = c.still.data,
+                         .static_count = (int)c.still.count}};
 }
 
 static warpvis::Job job_of(const Worlds& worlds, const Lens& lens) {
@@ -239,8 +246,14 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     if (outputs & NORMALS) made.normals = Exact<float>(pixels * 3, -7.0f, shares.shift);
     if (outputs & LABELS) made.labels = Exact<unsigned char>(pixels, 77, shares.shift);
     if (outputs & OBJECTS) made.objects = Exact<int>(pixels, -7, shares.shift);
-    const warpvis::Images out = {made.depth.data,   made.points.data, made.normals.data, made.labels.data,
-                                 made.objects.data, nullptr,          c.labels.data,     nullptr};
+    const warpvis::Images out = {.depth = made.depth.data,
+                                 .points = made.points.data,
+                                 .normals = made.normals.data,
+                                 .labels = made.labels.data,
+                                 .segmentation = made.objects.data,
+                                 .faces = nullptr,
+                                 .object_label = c.labels.data,
+                                 .slot_face = nullptr};
     const warpvis::Scene scene = scene_of(c, worlds);
     const auto carve = [&](warpvis::Arena& arena) {
         return warpvis::StripMemory::carve(arena, job, scene.movables.count, c.levels);
@@ -263,9 +276,17 @@ Statuses judge_points(const SceneBvh& c, const Worlds& worlds, const Lens& lens,
     Statuses made;
     made.status = Exact<unsigned char>((size_t)job.views * count, 77, shares.shift);
     if (layout.occluders) made.occluders = Exact<int>((size_t)job.views * count, -7, shares.shift);
-    const warpvis::PointJob points = {places.data,        count, layout.batch, layout.strip_tiles, layout.whole,
-                                      layout.with_id,     width, height,       layout.tolerance,   made.status.data,
-                                      made.occluders.data};
+    const warpvis::PointJob points = {.place = places.data,
+                                      .count = count,
+                                      .batch = layout.batch,
+                                      .strip_tiles = layout.strip_tiles,
+                                      .views_are_units = layout.whole,
+                                      .with_id = layout.with_id,
+                                      .width = width,
+                                      .height = height,
+                                      .tolerance = layout.tolerance,
+                                      .status = made.status.data,
+                                      .occluders = made.occluders.data};
     const int tiles_x = warpvis::Grid::tiles(job.width), tiles_y = warpvis::Grid::tiles(job.height);
     const warpvis::Scene scene = scene_of(c, worlds);
     const auto carve_bins = [&](warpvis::Arena& arena) {
@@ -305,21 +326,21 @@ Counts count_objects(const SceneBvh& c, const Worlds& worlds, const Lens& lens, 
     made.counts = Exact<int>((size_t)COUNTERS * pairs, 0);
     made.hidden_by = Exact<int>((size_t)pairs * objects, 0);
     if (with.masks) made.masks = Exact<unsigned char>((size_t)pairs * lens.height * lens.width, 0);
-    const warpvis::SilhouetteJob request = {chosen,
-                                            indices.data,
-                                            objects,
-                                            {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
-                                            with.seen_only,
-                                            lens.near,
-                                            lens.far,
-                                            with.seen.data,
-                                            with.depth.data,
-                                            with.delta,
-                                            (char*)made.counts.data,
-                                            pairs * 4LL,
-                                            chosen * 4LL,
-                                            made.hidden_by.data,
-                                            made.masks.data};
+    const warpvis::SilhouetteJob request = {.count = chosen,
+                                            .chosen = indices.data,
+                                            .objects = objects,
+                                            .canvas = {with.canvas[0], with.canvas[1], with.canvas[2], with.canvas[3]},
+                                            .seen_only = with.seen_only,
+                                            .near = lens.near,
+                                            .far = lens.far,
+                                            .seen = with.seen.data,
+                                            .depth = with.depth.data,
+                                            .delta = with.delta,
+                                            .counts = (char*)made.counts.data,
+                                            .count_stride = pairs * 4LL,
+                                            .view_stride = chosen * 4LL,
+                                            .hidden_by = made.hidden_by.data,
+                                            .masks = made.masks.data};
     const warpvis::Scene scene = scene_of(c, worlds);
     const auto carve = [&](warpvis::Arena& arena) {
         return warpvis::SilhouetteMemory::carve(arena, request, scene.movables.count, c.levels);

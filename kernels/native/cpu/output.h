@@ -5,7 +5,7 @@
 
 #pragma once
 
-#include "cpu/worlds.h"
+#include "cpu/scene.h"
 #include "shared/images.h"
 
 // Stores of LANES pixels of a row, or of `count` at the end of a row.

@@ -5,7 +5,7 @@
 
 #pragma once
 
-#include "cpu/movables.h"
+#include "cpu/objects.h"
 #include "cpu/workers.h"
 
 // Memory of a traversal: the movable objects as the view sees them, and the stack of nodes.

@@ -8,7 +8,7 @@
 #pragma once
 
 #include "cpu/ray_leaf.h"
-#include "cpu/worlds.h"
+#include "cpu/scene.h"
 
 struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.

@@ -13,7 +13,7 @@
 #pragma once
 
 #include "cpu/ray_leaf.h"
-#include "cpu/worlds.h"
+#include "cpu/scene.h"
 
 // Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
 struct RayLanes {

@@ -93,8 +93,12 @@ struct RemapTree {
         return tree;
     }
     inline RayTree as_ray_tree(float clip_inv_z) const {
-        return RayTree{group_bounds, tile_bounds, packet_bounds, u,      v,   rest_u,     rest_v, u, v,
-                       nullptr,      place,       run,           corner, fit, clip_inv_z, {}};
+        RayTree tree = RayTree();
+        tree.group_bounds = group_bounds, tree.tile_bounds = tile_bounds, tree.packet_bounds = packet_bounds;
+        tree.u = tree.row_u = u, tree.v = tree.row_v = v, tree.rest_u = rest_u, tree.rest_v = rest_v;
+        tree.place = place, tree.run = run, tree.corner = corner, tree.fit = fit;
+        tree.clip_inv_z = clip_inv_z;
+        return tree;
     }
 
     // Set the places of a part of a map; returns their bounding rectangle, inverted if there are none.

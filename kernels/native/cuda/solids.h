@@ -16,7 +16,7 @@
 
 #pragma once
 
-#include "cuda/pixels.h"
+#include "cuda/image.h"
 
 // Factors that cover rounding: of the reach of a solid, and of the ends of its side.
 constexpr float REACH_SLACK = 1.001f, SIDE_SLACK = 1e-6f;

@@ -7,7 +7,7 @@
 
 #pragma once
 
-#include "cuda/pixels.h"
+#include "cuda/image.h"
 
 // The recorded pixels, in shared memory.
 struct UncertainPixels {

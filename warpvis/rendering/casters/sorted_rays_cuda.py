@@ -253,7 +253,7 @@ def _as_squares(halved: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _z_buffer_order(side: int) -> NDArray[np.int64]:
-    """Return the pixel, row by row, of each z-buffer entry: the inverse of the index in ``native/cuda/pixels.h``."""
+    """Return the pixel, row by row, of each z-buffer entry: the inverse of the index in ``native/cuda/image.h``."""
     y, x = np.divmod(np.arange(side * side), side)
     columns = side // _BLOCK_WIDTH
     block = y // _BLOCK_HEIGHT * columns + x // _BLOCK_WIDTH
