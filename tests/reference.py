@@ -40,13 +40,11 @@ from reference_building import (  # noqa: F401
 )
 from reference_classify import (  # noqa: F401
     back_project,
-    back_project_ray_rows,
     back_project_rays,
     back_project_rows,
     classify_depth,
-    classify_depth_rows,
-    classify_ray_rows,
     classify_rays,
+    classify_rows,
     fill_depth,
     label_objects,
     label_objects_rows,

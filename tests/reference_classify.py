@@ -91,6 +91,5 @@ def label_objects(object_label: NDArray, depth: NDArray, objects: NDArray, max_r
     return np.where(known, object_label[np.where(known, objects, 0)], Label.EMPTY).astype(np.uint8)
 
 
-back_project_rows, back_project_ray_rows = back_project, back_project_rays
-classify_depth_rows, classify_ray_rows = classify_depth, classify_rays
+back_project_rows, classify_rows = back_project, classify_depth
 label_objects_rows = label_objects

@@ -7,7 +7,6 @@ A pose is read once per row, and without spheres only the vertical coordinate of
 
 import warp as wp
 
-from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.maps.classify import Ground, Spheres
 from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import PinholeCamera, Window, locate
@@ -25,53 +24,29 @@ _ROW = """
 const long long width = depth_in.shape[2], first = ((long long)view * depth_in.shape[1] + y) * width;
 const warpvis::DepthRange range = {.near = NEAR, .far = FAR};
 """
-_POSE = """
-const warpvis::Pose pose = warpvis::Pose::from((const float*)camera_to_world.data + 7LL * view);
-"""
-_PINHOLE = (
-    _POSE
-    + """
-const double focal[2] = {camera.fx, camera.fy}, center[2] = {camera.cx, camera.cy};
-const auto directions = warpvis::RowDirections::of_pinhole(pose, focal, center, y);
-"""
-)
-_TABLE = (
-    _POSE
-    + """
-const auto directions = warpvis::RowDirections::of_table(pose, (const double*)rays_in.data + 3LL * y * width);
-"""
-)
 _DEPTH_ROW = """
+const warpvis::Pose pose = warpvis::Pose::from((const float*)camera_to_world.data + 7LL * view);
+const double focal[2] = {camera.fx, camera.fy}, center[2] = {camera.cx, camera.cy};
+const double* rays = rays_in.data ? (const double*)rays_in.data + 3LL * y * width : nullptr;
 const warpvis::DepthRow row = {.width = (int)width,
                                .depth = depth_in.data + first,
                                .range = range,
                                .origin = pose.position,
-                               .directions = directions};
+                               .directions = warpvis::RowDirections::of(pose, focal, center, y, rays)};
 """
-_RANGE = _ROW.replace("NEAR", "camera.near").replace("FAR", "camera.far")
-_BACK_PROJECT = _DEPTH_ROW + "row.back_project((float*)points_out.data + 3 * first);"
-_MAX_RANGE = _ROW.replace("NEAR", "camera.near").replace("FAR", "max_range")
-_CLASSIFY = (
-    _DEPTH_ROW
-    + """
-const warpvis::RowCases cases = {.up = ground.up,
-                                 .height = ground.height,
-                                 .tolerance = ground.sigma,
-                                 .sphere_count = spheres.center.shape[0],
-                                 .centers = (const float*)spheres.center.data,
-                                 .sizes = spheres.size.data,
-                                 .sphere_labels = spheres.label.data};
-cases.classify(row, labels_out.data + first, spheres_out.data ? spheres_out.data + first : nullptr);
-"""
+
+
+@wp.func_native(
+    _ROW.replace("NEAR", "camera.near").replace("FAR", "camera.far")
+    + _DEPTH_ROW
+    + "row.back_project((float*)points_out.data + 3 * first);"
 )
-
-
-@wp.func_native(_RANGE + _PINHOLE + _BACK_PROJECT)
 def back_project_row(
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     view: int,
     y: int,
+    rays_in: wp.array2d[wp.vec3d],
     depth_in: wp.array3d[float],
     points_out: wp.array3d[wp.vec3],
 ): ...
@@ -84,22 +59,40 @@ def back_project_rows(
     camera_to_world: wp.array[wp.transform],
     window: Window,
     # In:
+    rays_in: wp.array2d[wp.vec3d],
     depth_in: wp.array3d[float],
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """Write the points of `back_project`; each thread of the kernel takes a row of pixels."""
+    """Write the points of `back_project`, or of `back_project_rays` unless `rays_in` is None.
+
+    Each thread of the kernel takes a row of pixels. With rays, only the range of the camera is read.
+    """
     view, y, _x = wp.tid()
     view, y = locate(window, view, y)
-    back_project_row(camera, camera_to_world, view, y, depth_in, points_out)
+    back_project_row(camera, camera_to_world, view, y, rays_in, depth_in, points_out)
 
 
-@wp.func_native(_MAX_RANGE + _PINHOLE + _CLASSIFY)
-def classify_depth_row(
+@wp.func_native(
+    _ROW.replace("NEAR", "camera.near").replace("FAR", "max_range")
+    + _DEPTH_ROW
+    + """
+const warpvis::RowCases cases = {.up = ground.up,
+                                 .height = ground.height,
+                                 .tolerance = ground.sigma,
+                                 .sphere_count = spheres.center.shape[0],
+                                 .centers = (const float*)spheres.center.data,
+                                 .sizes = spheres.size.data,
+                                 .sphere_labels = spheres.label.data};
+cases.classify(row, labels_out.data + first, spheres_out.data ? spheres_out.data + first : nullptr);
+"""
+)
+def classify_row(
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     view: int,
     y: int,
+    rays_in: wp.array2d[wp.vec3d],
     depth_in: wp.array3d[float],
     max_range: float,
     ground: Ground,
@@ -110,79 +103,12 @@ def classify_depth_row(
 
 
 @wp.kernel
-def classify_depth_rows(
+def classify_rows(
     # Cameras:
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     window: Window,
     # In:
-    depth_in: wp.array3d[float],
-    max_range: float,
-    ground: Ground,
-    spheres: Spheres,
-    # Out:
-    labels_out: wp.array3d[wp.uint8],
-    spheres_out: wp.array3d[wp.int32],
-):
-    """Write the labels of `classify_depth`; each thread of the kernel takes a row of pixels."""
-    view, y, _x = wp.tid()
-    view, y = locate(window, view, y)
-    classify_depth_row(camera, camera_to_world, view, y, depth_in, max_range, ground, spheres, labels_out, spheres_out)
-
-
-@wp.func_native(_RANGE + _TABLE + _BACK_PROJECT)
-def back_project_table_row(
-    camera: RayRange,
-    camera_to_world: wp.array[wp.transform],
-    view: int,
-    y: int,
-    rays_in: wp.array2d[wp.vec3d],
-    depth_in: wp.array3d[float],
-    points_out: wp.array3d[wp.vec3],
-): ...
-
-
-@wp.kernel
-def back_project_ray_rows(
-    # Cameras:
-    camera: RayRange,
-    camera_to_world: wp.array[wp.transform],
-    window: Window,
-    # In:
-    rays_in: wp.array2d[wp.vec3d],
-    depth_in: wp.array3d[float],
-    # Out:
-    points_out: wp.array3d[wp.vec3],
-):
-    """Write the points of `back_project_rays`; each thread of the kernel takes a row of pixels."""
-    view, y, _x = wp.tid()
-    view, y = locate(window, view, y)
-    back_project_table_row(camera, camera_to_world, view, y, rays_in, depth_in, points_out)
-
-
-@wp.func_native(_MAX_RANGE + _TABLE + _CLASSIFY)
-def classify_table_row(
-    camera: RayRange,
-    camera_to_world: wp.array[wp.transform],
-    view: int,
-    y: int,
-    rays_in: wp.array2d[wp.vec3d],
-    depth_in: wp.array3d[float],
-    max_range: float,
-    ground: Ground,
-    spheres: Spheres,
-    labels_out: wp.array3d[wp.uint8],
-    spheres_out: wp.array3d[wp.int32],
-): ...
-
-
-@wp.kernel
-def classify_ray_rows(
-    # Cameras:
-    camera: RayRange,
-    camera_to_world: wp.array[wp.transform],
-    window: Window,
-    # In:
     rays_in: wp.array2d[wp.vec3d],
     depth_in: wp.array3d[float],
     max_range: float,
@@ -192,10 +118,10 @@ def classify_ray_rows(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """Write the labels of `classify_rays`; each thread of the kernel takes a row of pixels."""
+    """Write the labels of `classify_depth`, or of `classify_rays` unless `rays_in` is None, as `back_project_rows`."""
     view, y, _x = wp.tid()
     view, y = locate(window, view, y)
-    classify_table_row(
+    classify_row(
         camera, camera_to_world, view, y, rays_in, depth_in, max_range, ground, spheres, labels_out, spheres_out
     )
 

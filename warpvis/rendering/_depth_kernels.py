@@ -26,14 +26,12 @@ def launch_back_project(
 ) -> None:
     """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
-        from warpvis.kernels.maps.depth_rows import (
-            back_project_ray_rows as rays_kernel,
-            back_project_rows as pinhole_kernel,
-        )
+        from warpvis.kernels.maps.depth_rows import back_project_rows as kernel
+    elif camera.ray_model == "table":
+        from warpvis.kernels.maps.ray_points import back_project_rays as kernel
     else:
-        from warpvis.kernels.maps.classify import back_project as pinhole_kernel
-        from warpvis.kernels.maps.ray_points import back_project_rays as rays_kernel
-    _launch_camera((pinhole_kernel, rays_kernel), camera, poses, depth, [points], threads, _MIN_PIXELS)
+        from warpvis.kernels.maps.classify import back_project as kernel
+    _launch_camera(kernel, camera, poses, depth, [points], threads, _MIN_PIXELS)
 
 
 def launch_classify(
@@ -46,16 +44,12 @@ def launch_classify(
 ) -> None:
     """Write the labels of depth images; `arguments` are the last ones of `kernels.maps.classify.classify_depth`."""
     if depth.device.is_cpu:
-        from warpvis.kernels.maps.depth_rows import (
-            classify_depth_rows as pinhole_kernel,
-            classify_ray_rows as rays_kernel,
-        )
+        from warpvis.kernels.maps.depth_rows import classify_rows as kernel
+    elif camera.ray_model == "table":
+        from warpvis.kernels.maps.ray_points import classify_rays as kernel
     else:
-        from warpvis.kernels.maps.classify import classify_depth as pinhole_kernel
-        from warpvis.kernels.maps.ray_points import classify_rays as rays_kernel
-    _launch_camera(
-        (pinhole_kernel, rays_kernel), camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count)
-    )
+        from warpvis.kernels.maps.classify import classify_depth as kernel
+    _launch_camera(kernel, camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
 
 
 def launch_label_objects(
@@ -74,7 +68,7 @@ def launch_label_objects(
 
 
 def _launch_camera(
-    kernels: tuple[wp.Kernel, wp.Kernel],
+    kernel: wp.Kernel,
     camera: ImageCamera,
     poses: wp.array,
     depth: wp.array,
@@ -82,15 +76,21 @@ def _launch_camera(
     threads: int | None,
     min_pixels: int,
 ) -> None:
-    """Launch the kernel for pinhole cameras or the one for ray tables."""
-    pinhole_kernel, rays_kernel = kernels
-    struct = camera.device_struct()
-    rays = [rays_on_device(camera, depth.device)] if camera.ray_model == "table" else []
+    """Launch a kernel with the camera and, if it has a ray table or if the kernel is one for rows, with its rays."""
+    from warpvis.kernels.pinhole import PinholeCamera
+
+    struct, is_cpu = camera.device_struct(), depth.device.is_cpu
+    rays = [None] if is_cpu else []
+    if camera.ray_model == "table":
+        rays = [rays_on_device(camera, depth.device)]
+        if is_cpu:
+            near, far, struct = struct.near, struct.far, PinholeCamera()
+            struct.near, struct.far = near, far
 
     def arguments(window: Window) -> KernelArguments:
         return [struct, poses, window, *rays, depth, *inputs]
 
-    _launch(rays_kernel if rays else pinhole_kernel, depth, arguments, threads, min_pixels)
+    _launch(kernel, depth, arguments, threads, min_pixels)
 
 
 def _launch(

@@ -28,18 +28,17 @@ struct RowDirections {
     // of a ray table: x y z of each pixel in the camera frame, NaN if it has no ray; null for a pinhole camera
     const double* rays;
 
-    static inline RowDirections of_pinhole(const Pose& pose, const double* focal, const double* center, int y) {
-        RowDirections row = of_table(pose, nullptr);
-        const double corner[3] = {(0.5 - center[0]) / focal[0], (y + 0.5 - center[1]) / focal[1], 1.0};
-        pose.rotate_out(corner, row.first);
-        for (int k = 0; k < 3; ++k) row.step[k] = pose.axis[0][k] / focal[0];
-        return row;
-    }
-    static inline RowDirections of_table(const Pose& pose, const double* rays) {
+    // Directions of the rays of a table, or of the pixels of a pinhole camera if `rays` is null.
+    static inline RowDirections of(const Pose& pose, const double* focal, const double* center, int y,
+                                   const double* rays) {
         RowDirections row;
         for (int i = 0; i < 3; ++i)
             for (int k = 0; k < 3; ++k) row.axis[i][k] = pose.axis[i][k];
         row.rays = rays;
+        if (rays) return row;
+        const double corner[3] = {(0.5 - center[0]) / focal[0], (y + 0.5 - center[1]) / focal[1], 1.0};
+        pose.rotate_out(corner, row.first);
+        for (int k = 0; k < 3; ++k) row.step[k] = pose.axis[0][k] / focal[0];
         return row;
     }
     // Component k of the pixels' directions from column x on.
