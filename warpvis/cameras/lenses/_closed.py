@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from warpvis.cameras.lenses._lens import Floats, RadialLens, check_fields
+from warpvis.cameras.lenses._lens import Floats, RadialLens
 from warpvis.errors import CameraError
 
 
@@ -26,16 +26,12 @@ class DoubleSphere(RadialLens):
     ``d1 = |(X, Y, Z)|`` and ``d2 = |(X, Y, xi d1 + Z)|``.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     xi: float
     alpha: float
     """From 0 to 1."""
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         _check_alpha(self.alpha)
         if self.xi <= -1:
             raise CameraError(f"xi of a double sphere must be above -1, got {self.xi!r}")
@@ -60,18 +56,16 @@ class EUCM(RadialLens):
     With ``beta = 1`` it is the unified camera model (UCM); the `xi` of Mei's model is ``alpha / (1 - alpha)``.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     alpha: float
     """From 0 to 1."""
     beta: float = 1.0
     """Greater than 0."""
 
     def __post_init__(self) -> None:
-        check_fields(self, positive=("fx", "fy", "beta"))
+        super().__post_init__()
         _check_alpha(self.alpha)
+        if self.beta <= 0:
+            raise CameraError(f"beta of a lens must be a number above 0, got {self.beta!r}")
 
     @property
     def is_pinhole(self) -> bool:
@@ -90,17 +84,13 @@ class EUCM(RadialLens):
 class FOV(RadialLens):
     """The field-of-view model of COLMAP, ORB-SLAM and Kalibr: ``r = atan(2 tan(angle) tan(omega / 2)) / omega``."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     omega: float
     """Between -pi and pi [rad]; 0 is a pinhole camera."""
 
     _limit: ClassVar[float] = math.pi / 2
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if not abs(self.omega) < math.pi:
             raise CameraError(f"omega of a lens must be between -pi and pi radians, got {self.omega!r}")
 
@@ -123,15 +113,8 @@ class FOV(RadialLens):
 class Division(RadialLens):
     """Fitzgibbon's division model: the direction of image point ``(x, y)`` with radius r is ``(x, y, 1 + k r^2)``."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     k: float
     """Negative for barrel distortion, with angles beyond 90 degrees."""
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def is_pinhole(self) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from inspect import isabstract
 from typing import Any
 
 from warpvis.cameras.lenses._lens import Lens
@@ -58,7 +59,7 @@ def lens_from_dict(values: object) -> Lens:
 def _models(base: Any) -> Iterator[tuple[str, Any]]:
     """Yield the models of imported classes: modules named in files are never imported."""
     for kind in base.__subclasses__():
-        if is_dataclass(kind):
+        if is_dataclass(kind) and not isabstract(kind):
             yield _model_name(kind), kind
         yield from _models(kind)
 

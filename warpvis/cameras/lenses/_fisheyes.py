@@ -16,7 +16,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from warpvis.cameras.lenses._bent import Bent, BentLens
-from warpvis.cameras.lenses._lens import Floats, Lens, RadialLens, Rising, check_coefficients, check_fields, rays_of
+from warpvis.cameras.lenses._lens import Floats, Lens, RadialLens, Rising, check_coefficients, rays_of
 from warpvis.cameras.lenses._pinhole import decentered, scaled
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import CameraError
@@ -43,15 +43,10 @@ class KannalaBrandt(RadialLens):
     t is the angle from the axis, up to pi. With zero coefficients, it is the equidistant fisheye.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     coefficients: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """``k1 k2 k3 k4``."""
 
-    def __post_init__(self) -> None:
-        check_fields(self, (4,))
+    _counts: ClassVar[tuple[int, ...]] = (4,)
 
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         return _angle_radius(angle, self.coefficients)
@@ -61,17 +56,11 @@ class KannalaBrandt(RadialLens):
 class ThinPrismFisheye(BentLens):
     """COLMAP's THIN_PRISM_FISHEYE: OpenCV's distortion applied to the angle, with a fourth radial coefficient."""
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     coefficients: tuple[float, ...] = (0.0,) * 8
     """``k1 k2 p1 p2 k3 k4 sx1 sy1``."""
 
+    _counts: ClassVar[tuple[int, ...]] = (8,)
     _is_flat: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        check_fields(self, (8,))
 
     @property
     def is_radial(self) -> bool:
@@ -100,17 +89,11 @@ class RadTanThinPrismFisheye(BentLens):
     A polynomial scales the angle first; the tangential and thin-prism terms are functions of the resulting point.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    cy: float
     coefficients: tuple[float, ...] = (0.0,) * 12
     """``k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3``."""
 
+    _counts: ClassVar[tuple[int, ...]] = (12,)
     _is_flat: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        check_fields(self, (12,))
 
     @property
     def is_radial(self) -> bool:

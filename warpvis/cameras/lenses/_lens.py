@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -188,19 +188,26 @@ class Rising:
         return result
 
 
+@dataclass(frozen=True)
 class RadialLens(Lens):
-    """A rotationally symmetric lens: the radius in the image is a function of the angle from the axis.
-
-    Subclasses have fields `fx`, `fy`, `cx`, `cy` [px].
-    """
+    """A rotationally symmetric lens: the radius in the image is a function of the angle from the axis."""
 
     fx: float
+    """Horizontal focal length [px]."""
     fy: float
+    """Vertical focal length [px]."""
     cx: float
+    """Principal point from the left edge of the image [px]."""
     cy: float
+    """Principal point from the top edge of the image [px]."""
 
     _limit: ClassVar[float] = math.pi
     """Maximum angle for which the formula is defined [rad]."""
+    _counts: ClassVar[Sequence[int]] = ()
+    """Valid numbers of coefficients."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, self._counts)
 
     @abstractmethod
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:

@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from warpvis.cameras.lenses._bent import Bent, BentLens
-from warpvis.cameras.lenses._lens import Floats, check_fields
+from warpvis.cameras.lenses._lens import Floats
 
 COUNTS = (4, 5, 8, 12, 14)
 """Valid numbers of coefficients of OpenCV's pinhole camera."""
@@ -32,22 +32,15 @@ class OpenCVPinhole(BentLens):
         y' = y g + p1 (r2 + 2 y^2) + 2 p2 x y + s3 r2 + s4 r2^2
 
     Then the sensor is tilted by ``tx`` about x and ``ty`` about y [rad]; the pixel is ``(fx x' + cx, fy y' + cy)``.
-    Missing coefficients are 0. Lenses are equal if their intrinsics and all 14 coefficients are equal.
+    The principal point is half a pixel greater than OpenCV's. Missing coefficients are 0; lenses are equal if their
+    intrinsics and all 14 coefficients are equal.
     """
 
-    fx: float
-    fy: float
-    cx: float
-    """Principal point from the left edge of the image [px]; half a pixel greater than OpenCV's."""
-    cy: float
-    """Principal point from the top edge of the image [px]; half a pixel greater than OpenCV's."""
     coefficients: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     """``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tx ty``: the first 4, 5, 8, 12, or all 14."""
 
     _limit: ClassVar[float] = math.pi / 2
-
-    def __post_init__(self) -> None:
-        check_fields(self, COUNTS)
+    _counts: ClassVar[tuple[int, ...]] = COUNTS
 
     @cached_property
     def all_coefficients(self) -> tuple[float, ...]:
