@@ -171,7 +171,7 @@ class ProjectingCamera(AnyCamera):
 
         k, d, model = lens_to_ros(self.lens)
         maker = MessageMaker(types)
-        return maker.camera_info((self.width, self.height), k, maker.header(frame_id, stamp), d=d, model=model)
+        return maker.camera_info((self.width, self.height), k, maker.header(frame_id, stamp), d, model)
 
 
 def intrinsics(lens: Any) -> tuple[float, float, float, float]:

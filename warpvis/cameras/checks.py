@@ -30,9 +30,7 @@ _MAX_TANGENT = 20
 def check_numbers(camera: Any, positive: str) -> None:
     """Check the fields of a camera with an image plane, a frozen dataclass, and convert them to int and float.
 
-    Args:
-        camera: The camera, with `width`, `height`, `fx`, `fy`, `cx`, `cy`, `near` and `far`.
-        positive: Beginning of the error message if `fx` or `fy` is not positive.
+    `positive` begins the error message if `fx` or `fy` is not positive.
     """
     _make_sizes(camera)
     _make_floats(camera, ("fx", "fy", "cx", "cy"))

@@ -34,13 +34,7 @@ def read_depth(
     """Return a camera's depth images, shape ``(V, H, W)``, as an array on a device; by default the device they are on.
 
     The unit of arrays in host memory is checked, see `check_meters`. Arrays on a GPU are not examined, because that
-    would require synchronization.
-
-    Args:
-        depth: The images [m].
-        camera: The camera that took them.
-        device: The device of the result.
-        max_range: Maximum valid depth [m]; the camera's `far` by default.
+    would require synchronization. `max_range` is the maximum valid depth [m], the camera's `far` by default.
     """
     require_image_camera(camera)
     if device is None:
@@ -113,13 +107,7 @@ def _in_millimeters(depth: NDArray, near: float, far: float) -> bool:
 
 
 def read_labels(labels: ArrayInput, shape: tuple[int, ...], device: wp.Device) -> wp.array:
-    """Convert label images to a uint8 array on a device.
-
-    Args:
-        labels: The images; shape ``(H, W)`` is accepted for a single view.
-        shape: ``(V, H, W)``.
-        device: Required device.
-    """
+    """Convert label images, ``(V, H, W)``, or ``(H, W)`` for a single view, to a uint8 array on a device."""
     if getattr(labels, "ndim", 0) == 2 and shape[0] == 1:
         labels = labels.reshape((1, *labels.shape))
     return as_warp(labels, wp.uint8, shape, name="labels", device=device)

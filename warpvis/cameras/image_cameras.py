@@ -29,10 +29,7 @@ ImageCamera: TypeAlias = Camera | LensCamera
 def require_image_camera(camera: object, name: str = "camera", other: str = "") -> ImageCamera:
     """Return `camera`, or raise `CameraError` if it is neither a `Camera` nor a `LensCamera`.
 
-    Args:
-        camera: The camera.
-        name: Name of the argument in the message.
-        other: What else the caller accepts, for the message.
+    `name` is that of the argument, and `other` names what else the caller accepts, for the message.
     """
     if isinstance(camera, Camera | LensCamera):
         return camera

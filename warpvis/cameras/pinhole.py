@@ -280,11 +280,7 @@ class Camera(CameraMakers):
         return 1.0001 * self.near * math.sqrt(1 + x * x + y * y)
 
     def device_struct(self, *, clip_near: bool = False) -> PinholeCamera:
-        """Return the camera as the struct that kernels use, `warpvis.kernels.pinhole.PinholeCamera`.
-
-        Args:
-            clip_near: Whether surfaces nearer than `near` are transparent, instead of occluding what is behind them.
-        """
+        """Return the camera as the struct that kernels use; `clip_near` as for `ray_range`."""
         clips = clip_near and self.near > 0
         clip = (clip_inv_z(self.near), self._near_reach()) if clips else (math.inf, 0.0)
         return planar_struct(self, *clip)

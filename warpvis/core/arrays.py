@@ -131,12 +131,9 @@ def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) 
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type, *, allocate: Callable[..., np.ndarray] = np.empty) -> wp.array:
-    """Allocate CPU memory aligned to a cache line. For large arrays, NumPy requests huge pages from the system.
+    """Allocate CPU memory aligned to a cache line, which is zero-initialized by `np.zeros`, or if it is small.
 
-    Args:
-        shape: The array's shape.
-        dtype: The array's Warp dtype.
-        allocate: Allocator of large arrays, `np.empty` or `np.zeros`; small arrays are always zero-initialized.
+    For large arrays, NumPy requests huge pages from the system.
     """
     pattern, size = _pattern(shape, dtype)
     memory: Any

@@ -126,12 +126,7 @@ class LabelNames(Mapping[int, str]):
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
-        """Return the numbers of one or several classes.
-
-        Args:
-            labels: The classes.
-            name: Name of the argument in error messages.
-        """
+        """Return the numbers of one or several classes; `name` is that of the argument in error messages."""
         items = [labels] if isinstance(labels, str) or is_whole(labels) else as_items(labels, name, SceneError)
         return {self.number(label) for label in items}
 

@@ -47,11 +47,7 @@ class MessageMaker:
     """Creates ROS 2 messages."""
 
     def __init__(self, types: MessageTypes | None = None) -> None:
-        """Choose the message classes.
-
-        Args:
-            types: A rosbags type store; by default the message classes of ROS, which are imported when used.
-        """
+        """Choose the classes: of a rosbags type store, or, by default, those of ROS, which are imported when used."""
         if types is not None and not isinstance(getattr(types, "types", None), Mapping):
             raise MessageError(f"types must be a type store of rosbags, or None for ROS's own, got {types!r}")
         self._types = types
@@ -90,18 +86,12 @@ class MessageMaker:
         size: tuple[int, int],
         k: NDArray[np.float64],
         header: Message,
-        *,
-        d: Sequence[float] = (0.0,) * 5,
-        model: str = "plumb_bob",
+        d: Sequence[float],
+        model: str,
     ) -> Message:
         """Create a CameraInfo without binning or region of interest; the rectified image has the same intrinsics.
 
-        Args:
-            size: Width and height [px].
-            k: Intrinsics with pixel centers at integer coordinates, shape ``(3, 3)``.
-            header: The message header.
-            d: Distortion of the raw image; zeros if it is rectified.
-            model: The distortion model of `d`.
+        Pixel centers are at integer coordinates, and `d` is the distortion of the raw image by `model`.
         """
         width, height = size
         region = {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False}
@@ -182,14 +172,10 @@ class CameraInfo:
 def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
     """Read a ``sensor_msgs/CameraInfo``, with binning and region of interest as `image_geometry` applies them.
 
-    Args:
-        message: A message of ROS 2 or ROS 1, or any object with its fields.
-        rectified: Whether to read the intrinsics of the rectified image (`P`) or of the raw image (`K`).
+    The intrinsics are those of the rectified image (`P`), or of the raw image (`K`).
     """
     rectified = check_flag(rectified, "rectified", CameraError)
-    k = _matrix(field(message, "k", "K"), (3, 3), "K")
-    if k[0, 0] == 0:
-        raise CameraError("K of CameraInfo must not be zero: the camera is not calibrated")
+    k = _read_k(message)
     p = _matrix(field(message, "p", "P"), (3, 4), "P")
     is_distorted = bool(_numbers(field(message, "d", "D"), "D").any())
     region = _read_region(message)
@@ -215,18 +201,22 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
 def read_raw_camera_info(message: Message) -> tuple[CameraInfo, NDArray[np.float64], str]:
     """Read the raw image's size and `K`, and the lens's `D` and distortion model, from a ``sensor_msgs/CameraInfo``.
 
-    Args:
-        message: As for `read_camera_info`; binning and region of interest are optional.
+    Binning and region of interest are optional.
     """
-    k = _matrix(field(message, "k", "K"), (3, 3), "K")
-    if k[0, 0] == 0:
-        raise CameraError("K of CameraInfo must not be zero: the camera is not calibrated")
+    k = _read_k(message)
     coefficients, model = _numbers(field(message, "d", "D"), "D"), field(message, "distortion_model")
     if not isinstance(model, str):
         raise CameraError(f"distortion_model of CameraInfo must be text, got {model!r}")
     if not hasattr(message, "roi"):
         return CameraInfo(whole_field(message, "width"), whole_field(message, "height"), k), coefficients, model
     return _in_region(k, _read_region(message)), coefficients, model
+
+
+def _read_k(message: Message) -> NDArray[np.float64]:
+    k = _matrix(field(message, "k", "K"), (3, 3), "K")
+    if k[0, 0] == 0:
+        raise CameraError("K of CameraInfo must not be zero: the camera is not calibrated")
+    return k
 
 
 def _in_region(k: NDArray[np.float64], region: _Region) -> CameraInfo:

@@ -25,11 +25,7 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
     """Warn if some cameras are upside down, but all would be level and upright with w first.
 
     Cameras of robots and of `look_at` are level and upright if the vertical axis of the world is z, and poses rarely
-    mix upright and inverted cameras. Poses on a GPU are not checked.
-
-    Args:
-        poses: Valid poses, as given by the user.
-        convention: Axes of their camera frame.
+    mix upright and inverted cameras. The poses must be valid; those on a GPU are not checked.
     """
     if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _MIN_POSES:
         return

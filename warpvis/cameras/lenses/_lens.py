@@ -121,12 +121,7 @@ class Rising:
     """A function of one variable, restricted to the interval from 0 on which it increases strictly."""
 
     def __init__(self, function: Callable[[Floats], tuple[Floats, Floats]], limit: float) -> None:
-        """Find the end of the interval.
-
-        Args:
-            function: Returns values and derivatives; must be 0 at 0.
-            limit: Upper end of its domain.
-        """
+        """Find the end of the interval; `function` returns values and derivatives up to `limit`, and is 0 at 0."""
         self._function = function
         self._samples = np.linspace(0.0, limit, _SAMPLES + 1)
         rises = self._rises(self._samples[1:])
@@ -255,12 +250,9 @@ def rays_of(angle: Floats, x: Floats, y: Floats, radius: Floats) -> Floats:
 
 
 def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str] = ("fx", "fy")) -> None:
-    """Check the fields of a lens, and convert them to floats and tuples of floats.
+    """Check the fields of a lens, a frozen dataclass, and convert them to floats and tuples of floats.
 
-    Args:
-        lens: A frozen dataclass; `coefficients` is a sequence, all other fields are numbers.
-        counts: Valid numbers of coefficients.
-        positive: Names of the fields that must be greater than 0.
+    `coefficients` is a sequence with one of the lengths `counts`; all other fields are numbers.
     """
     for field in fields(lens):  # type: ignore[arg-type]  # concrete lenses are dataclasses
         value = getattr(lens, field.name)
