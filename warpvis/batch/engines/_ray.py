@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 import warp as wp
 
-from warpvis.batch._dataset import Record, read_whole, shard_record
+from warpvis.batch._dataset import read_whole, shard_record
 from warpvis.batch._encoding import WorkerLostError
 from warpvis.batch._writer import Done, Job, Run, ShardWriter
 from warpvis.batch.storage._stores import Store, open_store
@@ -98,13 +98,14 @@ class ShardActor:
             error = WorkerLostError("Ray's workers ended and were restarted too often")
             return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
         try:
-            self._writer.run([shard for shard in shards if self._record(shard) is None], lambda shard, record: None)
+            lengths = [(shard, self._job.plan.shard_length(shard)) for shard in shards]
+            missing = [
+                shard for shard, length in lengths if read_whole(self._store, shard_record(shard), length) is None
+            ]
+            self._writer.run(missing, lambda shard, record: None)
         except (OSError, WarpvisError) as caught:  # returned to the caller, because Ray would retry after an exception
             error = caught
         return {"shard": np.array(shards), "error": np.array([error] * len(shards), dtype=object)}
-
-    def _record(self, shard: int) -> Record | None:
-        return read_whole(self._store, shard_record(shard), self._job.plan.shard_length(shard))
 
 
 @contextmanager

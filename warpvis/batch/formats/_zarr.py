@@ -71,6 +71,8 @@ class Zarr(Format):
 
     def _sharded(self, array: np.ndarray) -> list[FilePart]:
         """Return the file of a shard: one chunk per frame, and the index of chunks."""
+        import google_crc32c  # a dependency of zarr
+
         frames = len(array)
         chunks: list[FilePart] = [array]
         sizes = [array.nbytes // frames] * frames
@@ -80,7 +82,7 @@ class Zarr(Format):
         table = np.full((self.plan.shard_frames, 2), _MISSING, dtype="<u8")
         table[:frames, 1] = sizes
         table[:frames, 0] = np.cumsum([0, *sizes[:-1]])
-        return [*chunks, table, _crc32c(table.tobytes()).to_bytes(4, "little")]
+        return [*chunks, table, google_crc32c.value(table.tobytes()).to_bytes(4, "little")]
 
     def _compress(self, array: np.ndarray) -> list[bytes]:
         from numcodecs.zstd import compress
@@ -191,12 +193,6 @@ def _pad(array: np.ndarray, frames: int) -> np.ndarray:
     if len(array) == frames:
         return array
     return np.concatenate([array, np.zeros((frames - len(array), *array.shape[1:]), dtype=array.dtype)])
-
-
-def _crc32c(data: bytes) -> int:
-    import google_crc32c  # a dependency of zarr
-
-    return google_crc32c.value(data)
 
 
 def _parse_level(options: Options) -> int | None:

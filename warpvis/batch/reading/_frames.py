@@ -126,8 +126,13 @@ class FrameDataset:
         """Names of the objects of ``visible_fraction`` and the other arrays of visibility, in their order."""
         self.complete = store.size(INDEX_RECORD) is not None
         """Whether all frames exist; an interrupted job has written only some of them."""
-        shards = range(job.contents.shard_count) if self.complete else _recorded_shards(store, job)
-        self.frame_numbers = _frames_of(job, shards)
+        numbers = np.arange(job.contents.frames)
+        if not self.complete:
+            records = set(store.names(RECORDS_FOLDER))
+            shards = range(job.contents.shard_count)
+            recorded = np.array([f"{shard_name(shard)}.json" in records for shard in shards])
+            numbers = numbers[recorded[numbers // job.contents.shard_frames]]
+        self.frame_numbers: NDArray[np.int64] = numbers
         """The number of each frame in its job, shape ``(V,)``: 0, 1, 2, ... if the dataset is complete."""
         self.frames = frames if self.complete else frames.take(self.frame_numbers)
         """Poses, times and worlds of the frames."""
@@ -330,14 +335,3 @@ def _read_poses(store: Store, job: Job) -> Frames:
             f"{store.name}: {POSES} must have poses of {pluralize(job.contents.frames, 'frame')}, got {len(frames)}"
         )
     return frames
-
-
-def _recorded_shards(store: Store, job: Job) -> list[int]:
-    """Return the shards that are complete, that is have a record."""
-    names = set(store.names(RECORDS_FOLDER))
-    return [shard for shard in range(job.contents.shard_count) if f"{shard_name(shard)}.json" in names]
-
-
-def _frames_of(job: Job, shards: Sequence[int]) -> NDArray[np.int64]:
-    parts = [np.arange(job.shard_length(shard)) + shard * job.contents.shard_frames for shard in shards]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *parts])

@@ -53,7 +53,9 @@ class PngReader(ShardReader):
         """Decode the file of a frame."""
         image = self._decode(f"{self._folder(name, shard)}/{row:06d}.png")
         if name in ("depth", "true_depth"):
-            _to_meters(image, self._scale, out)
+            units = image.astype(np.uint16, copy=False)  # some versions of Pillow return 32 bits
+            np.divide(units, self._scale, out=out, casting="unsafe")
+            out[missing_units(units)] = np.inf
         elif name == "segmentation":
             out[...] = image
             out -= 1
@@ -80,12 +82,6 @@ class PngReader(ShardReader):
             actual = shape if image is None else image.shape
             raise FileFormatError(f"{path} must have shape {size}, got {actual}")
         return image
-
-
-def _to_meters(units: NDArray, scale: float, out: NDArray) -> None:
-    units = units.astype(np.uint16, copy=False)  # some versions of Pillow return 32 bits
-    np.divide(units, scale, out=out, casting="unsafe")
-    out[missing_units(units)] = np.inf
 
 
 class TumReader(PngReader):
