@@ -9,11 +9,13 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from warpvis.core.checks import describe_exception
-from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
+
+if TYPE_CHECKING:
+    from warpvis.core.types import Json
 
 _GIT_LFS = b"version https://git-lfs.github.com/spec/"
 _PAGES = (b"<!doctype html", b"<html")
