@@ -16,8 +16,7 @@ import warp as wp
 from color_blindness import nearest_pair
 
 import warpvis as wv
-from warpvis.core.label_rules import LabelRules
-from warpvis.core.labels import LabelNames
+from warpvis.core.labels import LabelNames, LabelRules
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
 from warpvis.viz import STATE_COLORS
 from warpvis.viz._agent_views import PanelData

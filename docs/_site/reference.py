@@ -53,7 +53,7 @@ WORDS = {
     "DeviceLike": "warpvis.core.types",
     "Convention": "warpvis.core.poses",
     "QuaternionOrder": "warpvis.core.poses",
-    "LabelInput": "warpvis.core.label_rules",
+    "LabelInput": "warpvis.core.labels",
     "ImageCamera": "warpvis.cameras.image_cameras",
     "PlanarCamera": "warpvis.cameras.image_cameras",
     "DepthKind": "warpvis.cameras.base",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from warpvis.cameras import ImageCamera
     from warpvis.cameras.frames import Frames
     from warpvis.cameras.pinhole import Camera
-    from warpvis.core.label_rules import LabelRules
+    from warpvis.core.labels import LabelRules
     from warpvis.core.poses import QuaternionOrder
     from warpvis.scene import Scene
     from warpvis.scenes import Experiment
@@ -78,7 +78,7 @@ class SceneOptions:
 
     def label_rules(self) -> LabelRules:
         """Parse --labels and --label-names."""
-        from warpvis.core.label_rules import LABEL_FILES, LabelRules
+        from warpvis.core.labels import LABEL_FILES, LabelRules
 
         rules = LabelRules()
         for word in split_pairs(self.labels):

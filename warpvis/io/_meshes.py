@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import describe_exception, is_whole, truncate
 from warpvis.core.file_content import require_content
-from warpvis.core.label_rules import LabelRules
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelRules
 from warpvis.core.plugins import MESH_READERS, load_plugin, plugin_names
 from warpvis.core.types import MeshLike
 from warpvis.errors import FileFormatError, SceneError

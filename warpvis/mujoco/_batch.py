@@ -17,7 +17,7 @@ from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice, check_whole
-from warpvis.core.label_rules import LabelInput
+from warpvis.core.labels import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_views import (

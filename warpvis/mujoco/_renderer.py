@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
-from warpvis.core.label_rules import LabelInput, LabelRules
+from warpvis.core.labels import LabelInput, LabelRules
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import check_length
 from warpvis.core.checks import as_items, check_choice, check_flag, check_mapping, is_whole
-from warpvis.core.label_rules import LabelInput, LabelRules
-from warpvis.core.labels import LabelNames
+from warpvis.core.labels import LabelInput, LabelNames, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._appearances import model_background, model_lights

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, truncate
-from warpvis.core.label_rules import LabelPatterns, LabelRules
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelPatterns, LabelRules
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.errors import SceneError
 from warpvis.scene._mesh import placed_at

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.rays import OnceCache
 from warpvis.core.arrays import get_device
 from warpvis.core.checks import as_items, check_flag, describe_exception, pluralize
-from warpvis.core.label_rules import LabelInput, LabelPatterns, LabelRules
-from warpvis.core.labels import Label, LabelNames
+from warpvis.core.labels import Label, LabelInput, LabelNames, LabelPatterns, LabelRules
 from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_opencv, read_pose, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError

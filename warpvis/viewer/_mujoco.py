@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera, require_camera
-from warpvis.core.label_rules import LabelInput, LabelRules
-from warpvis.core.labels import Label
+from warpvis.core.labels import Label, LabelInput, LabelRules
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import SceneError
 from warpvis.scene import Mesh, Scene, SceneObject

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from warpvis.core.checks import as_items, as_path, check_flag, pluralize, truncate
-from warpvis.core.label_rules import LabelInput, LabelRules
+from warpvis.core.labels import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene
