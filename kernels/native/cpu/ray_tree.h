@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Rays of a ray table, which are the same for every view: a tree over them is built once
-// (warpvis/rendering/casters/sorted_rays_cpu.py). Packets of LANES adjacent rays are the children of tiles, tiles those of groups,
-// and groups those of a bundle, which is rendered as a separate image: the bounds of all children of one parent fill
-// one register per coordinate. The blocks of the image are these packets, and its tiles are these tiles.
+// (warpvis/rendering/casters/sorted_rays_cpu.py). Packets of LANES adjacent rays are the children of tiles, tiles those
+// of groups, and groups those of a bundle, which is rendered as a separate image: the bounds of all children of one
+// parent fill one register per coordinate. The blocks of the image are these packets, and its tiles are these tiles.
 
 #pragma once
 
