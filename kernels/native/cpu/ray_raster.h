@@ -10,38 +10,27 @@
 #include "cpu/ray_leaf.h"
 #include "cpu/scene.h"
 
-struct RayRaster {
+// The way from a leaf's triangles to the rays that they may cover. `Drawing` derives from this, and rasterizes in a
+// tile, in packets and at rays; `Leaf` is its `RayLeaf`.
+template <class Drawing, class Leaf>
+struct RayDescent {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
-    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
-                                                                const Triangles& triangles, const Visit& visit,
-                                                                Mode mode) {
-        RayLeaf leaf(triangles);
-        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::has_unstable_plane(camera, triangles)));
+    static inline __attribute__((always_inline)) void rasterize_leaf(const Camera& camera, const Image& image,
+                                                                     Leaf& leaf, Mode mode) {
         const RayTree& tree = *image.tree;
         for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+                Drawing::rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
         }
-    }
-
-    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
-                                                                     RayLeaf& leaf, int tile, Mode mode) {
-        unsigned candidates = Lanes::bits(leaf.triangles.shown);
-        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
-            const RayColumns columns(image, leaf, tile);
-            if (columns.small) rasterize_small(camera, image, leaf, columns, mode);
-            candidates = columns.larger;
-        }
-        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
 
     // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
     // packet.
     static inline __attribute__((always_inline)) void rasterize_in_tile(const Camera& camera, const Image& image,
-                                                                        RayLeaf& leaf, int tile, unsigned candidates,
+                                                                        Leaf& leaf, int tile, unsigned candidates,
                                                                         Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
@@ -56,7 +45,49 @@ struct RayRaster {
                 rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
-                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
+                Drawing::rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
+    }
+
+    // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
+    static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
+                                                                       Leaf& leaf, int packet, unsigned candidates,
+                                                                       Mode mode) {
+        const RayTree& tree = *image.tree;
+        const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
+        if (!rays) return;
+        const int count = __builtin_popcount(rays);
+        if (count > FEW_RAYS) {
+            const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
+            candidates &= leaf.touching(bounds, image.block_min[packet]);
+        }
+        if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
+            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
+                Drawing::rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates,
+                                       mode);
+        else
+            for (; candidates; candidates &= candidates - 1)
+                Drawing::rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
+    }
+};
+
+struct RayRaster : RayDescent<RayRaster, RayLeaf> {
+    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
+                                                                const Triangles& triangles, const Visit& visit,
+                                                                Mode mode) {
+        RayLeaf leaf(triangles);
+        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::has_unstable_plane(camera, triangles)));
+        rasterize_leaf(camera, image, leaf, mode);
+    }
+
+    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
+                                                                     RayLeaf& leaf, int tile, Mode mode) {
+        unsigned candidates = Lanes::bits(leaf.triangles.shown);
+        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+            const RayColumns columns(image, leaf, tile);
+            if (columns.small) rasterize_small(camera, image, leaf, columns, mode);
+            candidates = columns.larger;
+        }
+        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
@@ -68,7 +99,7 @@ struct RayRaster {
         unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
         if (__builtin_popcount(touched) <= FEW_PACKETS) {
             for (; touched; touched &= touched - 1)
-                rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), false, nullptr, mode);
+                rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
             return;
         }
         const float* bounds = tree.bounds_of_packets(tile);
@@ -135,26 +166,6 @@ struct RayRaster {
             Raster::put(image, ray, value, Raster::id_of(leaf.triangles, k, mode), mode);
     }
 
-    // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
-    static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
-                                                                       RayLeaf& leaf, int packet, unsigned candidates,
-                                                                       Mode mode) {
-        const RayTree& tree = *image.tree;
-        const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
-        if (!rays) return;
-        const int count = __builtin_popcount(rays);
-        if (count > FEW_RAYS) {
-            const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
-            candidates &= leaf.touching(bounds, image.block_min[packet]);
-        }
-        if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
-            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
-                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
-        else
-            for (; candidates; candidates &= candidates - 1)
-                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, false, nullptr, mode);
-    }
-
     // Rasterize all triangles for one ray.
     static inline __attribute__((always_inline)) void rasterize_ray(const Camera& camera, const Image& image,
                                                                     RayLeaf& leaf, int ray, unsigned candidates,
@@ -178,6 +189,10 @@ struct RayRaster {
         return tree.scale ? tree.clip_inv_z * tree.scale[ray] : tree.clip_inv_z;
     }
 
+    static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
+                                                                     RayLeaf& leaf, int k, int packet, Mode mode) {
+        rasterize_rays(camera, image, leaf, k, packet, false, nullptr, mode);
+    }
     // Rasterize one triangle for all rays of a packet.
     static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
                                                                      RayLeaf& leaf, int k, int packet, bool covered,

@@ -12,8 +12,7 @@
 
 #pragma once
 
-#include "cpu/ray_leaf.h"
-#include "cpu/scene.h"
+#include "cpu/ray_raster.h"
 
 // Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
 struct RayLanes {
@@ -166,21 +165,13 @@ struct ExactRays {
     }
 };
 
-struct OriginRaster {
-    // Up to this many rays and packets are tested before triangles are culled.
-    enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
-
+struct OriginRaster : RayDescent<OriginRaster, RayOriginsLeaf> {
     static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
                                                                 const Triangles& triangles, const Visit& visit,
                                                                 Mode mode) {
         RayOriginsLeaf leaf(triangles);
         leaf.begin(camera, image, visit);
-        const RayTree& tree = *image.tree;
-        for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
-            const int group = Lanes::first_lane(groups);
-            for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
-        }
+        rasterize_leaf(camera, image, leaf, mode);
     }
 
     static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
@@ -194,27 +185,6 @@ struct OriginRaster {
             candidates = columns.larger | (columns.small & leaf.uncertain_side);
         }
         if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
-    }
-
-    // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
-    // packet.
-    static inline __attribute__((always_inline)) void rasterize_in_tile(const Camera& camera, const Image& image,
-                                                                        RayOriginsLeaf& leaf, int tile,
-                                                                        unsigned candidates, Mode mode) {
-        const RayTree& tree = *image.tree;
-        const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
-        const int count = __builtin_popcount(packets);
-        if (count > FEW_PACKETS) {
-            RayTree::refresh(image, tile);
-            const RayBox bounds = RayTree::box_of(tree.bounds_of_tiles(tile / LANES), tile % LANES);
-            candidates &= leaf.touching(bounds, image.tile_min[tile]);
-        }
-        if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
-            for (unsigned remaining = packets; remaining; remaining &= remaining - 1)
-                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
-        else
-            for (; candidates; candidates &= candidates - 1)
-                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
@@ -288,26 +258,6 @@ struct OriginRaster {
         const float value = (((leaf.inexact | leaf.uncertain_side) >> k) & 1) ? exactly.inv_z(k, ray) : inv_z;
         if (value <= image.tree->origins.clip_inv_z[ray])
             Raster::put(image, ray, value, Raster::id_of(t, k, mode), mode);
-    }
-
-    // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
-    static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
-                                                                       RayOriginsLeaf& leaf, int packet,
-                                                                       unsigned candidates, Mode mode) {
-        const RayTree& tree = *image.tree;
-        const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
-        if (!rays) return;
-        const int count = __builtin_popcount(rays);
-        if (count > FEW_RAYS) {
-            const RayBox bounds = RayTree::box_of(tree.bounds_of_packets(packet / LANES), packet % LANES);
-            candidates &= leaf.touching(bounds, image.block_min[packet]);
-        }
-        if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
-            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
-                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
-        else
-            for (; candidates; candidates &= candidates - 1)
-                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
     }
 
     // Rasterize all triangles for one ray.

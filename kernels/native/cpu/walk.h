@@ -5,7 +5,6 @@
 
 #pragma once
 
-#include "cpu/ray_raster.h"
 #include "cpu/ray_raster_origins.h"
 #include "cpu/sparse.h"
 
