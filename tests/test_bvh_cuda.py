@@ -142,7 +142,7 @@ def test_trees_are_joined_equally_on_device_and_host(names, share, device):
     before = [tree.owners.numpy().copy() for tree in trees]
     joined = SimpleNamespace()
     joined_trees._join_on_device(joined, trees, closed, wp.get_device(device), share=share)
-    nodes, leaves = (first(trees) for first in (joined_trees.first_nodes, joined_trees.first_leaves))
+    nodes, leaves = joined_trees.first_places(trees)
     for name in ("leaves", "nodes"):
         whole = np.concatenate([getattr(tree, name).numpy() for tree in trees])
         np.testing.assert_array_equal(getattr(joined, name).numpy(), whole)

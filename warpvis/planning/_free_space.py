@@ -20,7 +20,7 @@ from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import PoseError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.closed import may_contain_points
-from warpvis.scene.worlds import parse_worlds
+from warpvis.scene.worlds import parse_worlds, pose_columns
 from warpvis.visibility import choose_objects
 
 # Exceeds all distances in a scene, and its square is finite in single precision.
@@ -147,13 +147,13 @@ def one_world(
         raise PoseError(f"object_poses must be of one world, got {worlds.object_poses.shape[0]}")
     rows = worlds.object_poses.numpy().reshape(-1, 7)
     with np.errstate(invalid="ignore"):  # poses from a GPU are not validated
-        place = dict(zip(scene.movable, poses_to_matrices(rows), strict=True))
+        matrices = poses_to_matrices(rows)
     vertices = []
-    for index, item in enumerate(objects):
-        if not item.movable:
+    for item, column in zip(objects, pose_columns(scene).tolist(), strict=True):
+        if column < 0:
             vertices.append(item.vertices)
             continue
-        matrix = place[index if item.parent is None else item.parent]
+        matrix = matrices[column]
         vertices.append((item.frame_vertices @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32))
         if not surely_finite(vertices[-1]) and not np.isfinite(vertices[-1]).all():
             raise PoseError(

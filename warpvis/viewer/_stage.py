@@ -17,6 +17,7 @@ from warpvis.core.checks import as_items
 from warpvis.core.labels import Label
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Mesh, Scene, SceneObject, require_scene
+from warpvis.scene.worlds import pose_columns
 
 _DRAGGABLE_LABELS = (Label.OBJECT, Label.HUMAN, Label.ROBOT)
 _MAX_DRAGGABLE = 40
@@ -51,11 +52,9 @@ class Stage:
         return cls(copy, tuple(draggable), rows)
 
     @cached_property
-    def columns(self) -> NDArray[np.int64]:
+    def columns(self) -> NDArray[np.int32]:
         """Row of `object_poses` that moves each object, ``(objects,)``; -1 for static objects."""
-        rows = {index: row for row, index in enumerate(self.scene.movable)}
-        roots = [index if item.parent is None else item.parent for index, item in enumerate(self.scene.objects)]
-        return np.array([rows.get(root, -1) for root in roots], dtype=np.int64)
+        return pose_columns(self.scene)
 
     def column(self, name: str) -> int:
         """Return the row of `object_poses` that moves an object; -1 if it is static."""

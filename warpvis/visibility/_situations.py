@@ -17,7 +17,7 @@ from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene
-from warpvis.scene.worlds import parse_worlds
+from warpvis.scene.worlds import parse_worlds, pose_columns
 from warpvis.visibility._agents import Agent
 
 
@@ -77,14 +77,13 @@ class Situations:
         Boxes of movable objects are aligned with their frames, boxes of static objects with the world.
         """
         rows = None if self.object_poses is None else self.object_poses.numpy()
+        columns = pose_columns(scene)
         all_centers = np.empty((1 if rows is None else len(rows), len(indices), 3))
         for k, index in enumerate(indices):
-            item = scene.objects[index]
-            corners = item.frame_vertices
+            corners = scene.objects[index].frame_vertices
             center = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
-            if rows is not None and item.movable:
-                column = scene.movable.index(index if item.parent is None else item.parent)
-                frames = poses_to_matrices(rows[:, column])
+            if rows is not None and columns[index] >= 0:
+                frames = poses_to_matrices(rows[:, columns[index]])
                 center = frames[:, :3, :3] @ center + frames[:, :3, 3]
             all_centers[:, k] = center
         return all_centers if self.world_index is None else all_centers[self.world_index]

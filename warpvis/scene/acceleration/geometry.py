@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
 from warpvis.scene.acceleration.bvh import Bvh, check_slots
-from warpvis.scene.acceleration.joined_trees import first_leaves, first_nodes, join_trees, own_faces, slot_faces
+from warpvis.scene.acceleration.joined_trees import first_places, join_trees, own_faces, slot_faces
 from warpvis.scene.acceleration.traversal_plan import (
     InstancedMesh,
     TraversalPlan,
@@ -49,11 +49,6 @@ class Triangles:
         if self.struct.triangle_face is None:
             owner = self.struct.triangle_object
             self.struct.triangle_face = wp.array(own_faces(owner.numpy()), dtype=wp.int32, device=owner.device)
-
-    @property
-    def mesh(self) -> wp.Mesh:
-        """The first mesh."""
-        return self.meshes[0]
 
 
 @dataclass(frozen=True)
@@ -177,8 +172,9 @@ def build_scene_bvh(
     struct.static_object = wp.array(static, dtype=wp.int32, device=device)
     struct.movable_count, struct.drawn_count = len(plan.movable), len(one_object)
     struct.movable_object = wp.array(one_object, dtype=wp.int32, device=device)
-    struct.movable_root = wp.array(first_nodes(trees)[tree_of], dtype=wp.int32, device=device)
-    struct.movable_leaf = wp.array(first_leaves(trees)[tree_of], dtype=wp.int32, device=device)
+    nodes, leaves = first_places(trees)
+    struct.movable_root = wp.array(nodes[tree_of], dtype=wp.int32, device=device)
+    struct.movable_leaf = wp.array(leaves[tree_of], dtype=wp.int32, device=device)
     struct.movable_first_id = wp.array(ends - slots[tree_of], dtype=wp.int32, device=device)
     struct.movable_closed = wp.array(mesh_closed, dtype=wp.int32, device=device)
     struct.movable_solid = wp.array(plan.solid_kinds, dtype=wp.int32, device=device)
@@ -219,7 +215,7 @@ def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) ->
 
     refits = {}
     first = len(trees) - len(plan.meshes)
-    places = list(zip(trees, first_nodes(trees), first_leaves(trees), strict=True))[first:]
+    places = list(zip(trees, *first_places(trees), strict=True))[first:]
     for shared, (tree, node, leaf) in zip(plan.meshes, places, strict=True):
         if not shared.mesh.deforms:
             continue

@@ -44,7 +44,7 @@ def join_trees(
         struct.nodes, struct.children = tree.nodes.to(device), tree.children.to(device)
         return
     children = []
-    for tree, first_node, first_leaf in zip(trees, first_nodes(trees), first_leaves(trees), strict=True):
+    for tree, first_node, first_leaf in zip(trees, *first_places(trees), strict=True):
         child = tree.children.numpy()
         children.append(child + np.where(child > 0, first_node, 0) - np.where(child < 0, first_leaf, 0))
     struct.leaves = _join([tree.leaves.numpy() for tree in trees], wp.float32, device)
@@ -53,14 +53,10 @@ def join_trees(
     struct.children = _join(children, wp.int32, device)
 
 
-def first_nodes(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    """Return the index of each tree's first node in the joined arrays."""
-    return np.cumsum([0] + [tree.node_count for tree in trees])[:-1]
-
-
-def first_leaves(trees: Sequence[Bvh]) -> NDArray[np.int64]:
-    """Return the index of each tree's first leaf in the joined arrays."""
-    return np.cumsum([0] + [tree.leaf_count for tree in trees])[:-1]
+def first_places(trees: Sequence[Bvh]) -> NDArray[np.int64]:
+    """Return the indices of each tree's first node and of its first leaf in the joined arrays, shape ``(2, trees)``."""
+    counts = np.array([[tree.node_count for tree in trees], [tree.leaf_count for tree in trees]], dtype=np.int64)
+    return np.cumsum(counts, axis=1) - counts
 
 
 def move_children(children: wp.array, node: int, leaf: int) -> None:
