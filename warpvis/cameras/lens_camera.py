@@ -17,6 +17,7 @@ from warpvis.cameras.base import DepthKind, ProjectingCamera
 from warpvis.cameras.checks import check_image_size, check_pixel_units, check_range, check_ray_count
 from warpvis.cameras.lenses import Lens, lens_to_dict
 from warpvis.cameras.rays import OnceCache, RayCamera
+from warpvis.core.arrays import freeze
 from warpvis.core.checks import as_items, check_choice, check_whole, truncate
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
@@ -88,9 +89,7 @@ class LensCamera(ProjectingCamera, RayCamera):
     @cached_property
     def mask(self) -> NDArray[np.bool_]:
         """Mask of pixels without a ray, shape ``(height, width)``: the lens maps no direction to them."""
-        mask = np.isnan(self.directions[..., 0])
-        mask.flags.writeable = False
-        return mask
+        return freeze(np.isnan(self.directions[..., 0]))
 
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Project camera-frame points [m], shape ``(..., 3)``; see `warpvis.cameras.lenses.Lens.project`."""

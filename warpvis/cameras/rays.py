@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.base import AnyCamera, DepthKind, Value
 from warpvis.cameras.checks import MAX_RAYS, as_floats, as_rows, check_image_size, check_range
 from warpvis.cameras.lenses import directions_on_sphere
+from warpvis.core.arrays import freeze
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, check_convention
 from warpvis.errors import CameraError, PoseError
@@ -136,9 +137,9 @@ class Rays(RayCamera):
         self.height, self.width = self.shape if len(self.shape) == 2 else (1, *self.shape)
         length = np.linalg.norm(self._directions, axis=-1, keepdims=True)
         _check_lengths(length[..., 0])
-        self._rays = _freeze(self._directions / length)
-        self._origins = None if origins is None else self._same_shape(_vectors(origins, "origins"), "origins")
-        self._times = None if times is None else self._numbers(times, "times")
+        self._rays = freeze(self._directions / length)
+        self._origins = None if origins is None else self._per_ray(_vectors(origins, "origins"), "origins", 3)
+        self._times = None if times is None else self._per_ray(as_floats(times, "times"), "times")
         self._rings = None if rings is None else self._whole_numbers(rings)
         self.near, self.far = near, far
         check_range(self)
@@ -199,28 +200,21 @@ class Rays(RayCamera):
             raise CameraError(
                 f'kind must be "range" for rays 90 degrees or more from z, got "z" for {aside} such rays of {len(self)}'
             )
-        self._rays = _freeze(self._rays / self._rays[..., 2:])
+        self._rays = freeze(self._rays / self._rays[..., 2:])
 
-    def _same_shape(self, array: NDArray, name: str) -> NDArray:
-        leading = array.shape[: len(self.shape)]
-        if leading != self.shape or array.ndim - len(self.shape) > 1:
-            raise CameraError(f"{name} must be one for each ray, shape {self.shape}, got {array.shape}")
-        return array
-
-    def _numbers(self, value: ArrayLike, name: str) -> NDArray[np.float64]:
-        array = as_floats(value, name)
-        if array.shape != self.shape:
+    def _per_ray(self, array: NDArray, name: str, *components: int) -> NDArray:
+        if array.shape != (*self.shape, *components):
             raise CameraError(f"{name} must be one for each ray, shape {self.shape}, got {array.shape}")
         if not np.isfinite(array).all():
             raise CameraError(f"{name} must be finite, and {int((~np.isfinite(array)).sum())} are not")
-        return _freeze(array)
+        return freeze(array)
 
     def _whole_numbers(self, value: ArrayLike) -> NDArray[np.int32]:
-        array = self._numbers(value, "rings")
+        array = self._per_ray(as_floats(value, "rings"), "rings")
         wrong = (array != np.round(array)) | (array < 0) | (array >= 2**31)
         if wrong.any():
             raise CameraError(f"rings must be whole numbers from 0 up, got {array[wrong][0]:g}")
-        return _freeze(array.astype(np.int32))
+        return freeze(array.astype(np.int32))
 
 
 @dataclass(frozen=True)
@@ -318,7 +312,7 @@ def _vectors(value: ArrayLike, name: str) -> NDArray[np.float64]:
             f"{name} must be finite, got {int(wrong.sum())} of {wrong.size} that are not, the first at [{first}]. "
             "Leave out rays that are not cast."
         )
-    return _freeze(array)
+    return freeze(array)
 
 
 def _check_lengths(length: NDArray[np.float64]) -> None:
@@ -330,9 +324,3 @@ def _check_lengths(length: NDArray[np.float64]) -> None:
             f"directions must have length 1 to within {_LENGTH_TOLERANCE:g}, got {int(wrong.sum())} of {wrong.size} "
             f"that have not, the first at [{first}] of length {length[index]:.9g}"
         )
-
-
-def _freeze(array: NDArray) -> NDArray:
-    """Make a checked array read-only and return it."""
-    array.flags.writeable = False
-    return array

@@ -111,6 +111,12 @@ def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
     return host
 
 
+def freeze(array: np.ndarray) -> np.ndarray:
+    """Make an array read-only, and return it."""
+    array.flags.writeable = False
+    return array
+
+
 def check_shape(got: tuple[int, ...], expected: Shape, *, name: str) -> None:
     """Raise `ArrayError` unless `got` matches `expected`."""
     fits = len(got) == len(expected) and all(isinstance(e, str) or g == e for g, e in zip(got, expected, strict=False))

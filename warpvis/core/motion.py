@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, on_gpu
+from warpvis.core.arrays import as_numpy, freeze, on_gpu
 from warpvis.core.poses import QuaternionOrder, check_quaternion, poses_to_opencv, quaternion_product, to_xyzw
 from warpvis.core.types import ArrayInput, PoseLike
 from warpvis.errors import ArrayError, PoseError
@@ -282,7 +282,7 @@ def _host_rows(host: NDArray, quaternion: QuaternionOrder) -> NDArray[np.float64
     flat = np.asarray(rows).reshape(-1, *((4, 4) if matrices else (7,)))
     if not len(flat):
         raise PoseError(f"poses must not be empty, got shape {host.shape}")
-    return _freeze(poses_to_opencv(flat, name="poses").reshape(*host.shape[: -2 if matrices else -1], 7))
+    return freeze(poses_to_opencv(flat, name="poses").reshape(*host.shape[: -2 if matrices else -1], 7))
 
 
 def _numbers(value: ArrayInput, name: str, axes: int | None = 1) -> NDArray[np.float64]:
@@ -293,7 +293,7 @@ def _numbers(value: ArrayInput, name: str, axes: int | None = 1) -> NDArray[np.f
     array = values.astype(np.float64)
     if not np.isfinite(array).all():
         raise ArrayError(f"{name} must be finite, and {int((~np.isfinite(array)).sum())} are not")
-    return _freeze(array)
+    return freeze(array)
 
 
 def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -303,7 +303,7 @@ def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[
             f"{name} must be three finite numbers, or three for each of the poses, of shape {(*shape, 3)}, got "
             f"{values.tolist() if values.size < 5 else values.shape}"
         )
-    return _freeze(np.broadcast_to(values, (*shape, 3)).copy())
+    return freeze(np.broadcast_to(values, (*shape, 3)).copy())
 
 
 def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -338,8 +338,3 @@ def rotate(quaternions: NDArray[np.float64], vectors: NDArray[np.float64]) -> ND
     axis, w = quaternions[..., :3], quaternions[..., 3:]
     cross = 2 * np.cross(axis, vectors)
     return vectors + w * cross + np.cross(axis, cross)
-
-
-def _freeze(array: NDArray) -> NDArray:
-    array.flags.writeable = False
-    return array

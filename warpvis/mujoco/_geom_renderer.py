@@ -165,7 +165,6 @@ class GeomRenderer(Renderer):
         super().__init__(scene, camera, **options)
 
     def _make_caster(self, camera: AnyCamera) -> Caster:
-        assert isinstance(camera, PlanarCamera)  # MuJoCo's cameras are neither lenses nor lidars
         return _LaterWins(super()._make_caster(camera), self.scene, camera, self._coinciding, self._options)
 
 
@@ -173,7 +172,7 @@ class _LaterWins:
     """A caster, followed by a correction pass for pixels where surfaces coincide."""
 
     def __init__(
-        self, caster: Caster, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, options: CastOptions
+        self, caster: Caster, scene: Scene, camera: AnyCamera, coinciding: CoincidingGeoms, options: CastOptions
     ) -> None:
         self._caster, self._scene, self._camera, self._coinciding = caster, scene, camera, coinciding
         self._options = options

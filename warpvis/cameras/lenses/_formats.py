@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import check_matrix
 from warpvis.cameras.lenses._closed import EUCM, FOV, Division, DoubleSphere
 from warpvis.cameras.lenses._fisheyes import FTheta, KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
 from warpvis.cameras.lenses._lens import Lens, check_coefficients, format_alternatives
@@ -46,7 +47,7 @@ _FISHEYES = ("equidistant", "equi", "fisheye")
 
 def lens_from_opencv(k: ArrayLike, d: ArrayLike | None, *, fisheye: bool = False) -> Lens:
     """Create a lens from OpenCV's `K` and `D`, with pixel centers at integers."""
-    intrinsics = _intrinsics(k)
+    intrinsics = check_matrix(k, 0.0)  # like `Camera.from_K`
     coefficients = _numbers(d, "D")
     counts, name = ((4,), "OpenCV's fisheye") if fisheye else (COUNTS, "OpenCV's pinhole")
     _check_count(coefficients, (0, *counts), "D", name)
@@ -166,13 +167,6 @@ def _number(fields: Mapping[str, Any], name: str) -> float:
     return float(value)
 
 
-def _intrinsics(k: ArrayLike) -> tuple[float, float, float, float]:
-    """Return the intrinsics of a `K` with pixel centers at integers, like `Camera.from_K`."""
-    from warpvis.cameras.checks import check_matrix
-
-    return check_matrix(k, 0.0)
-
-
 def _numbers(values: Any, name: str) -> tuple[float, ...]:
     if values is None:
         return ()
@@ -215,11 +209,11 @@ def lens_to_nerfstudio(lens: Lens) -> dict[str, str | float]:
     """
     if isinstance(lens, KannalaBrandt):
         named = dict(zip(("k1", "k2", "k3", "k4"), lens.coefficients, strict=True))
-        return {"camera_model": "OPENCV_FISHEYE", **_nerf_intrinsics(lens), **named}
+        return {"camera_model": "OPENCV_FISHEYE", **_intrinsics(lens), **named}
     if isinstance(lens, OpenCVPinhole) and _num_used(lens) <= 5:
         k1, k2, p1, p2, k3, *_ = lens.all_coefficients
         third = {"k3": k3} if k3 else {}
-        return {"camera_model": "OPENCV", **_nerf_intrinsics(lens), "k1": k1, "k2": k2, "p1": p1, "p2": p2, **third}
+        return {"camera_model": "OPENCV", **_intrinsics(lens), "k1": k1, "k2": k2, "p1": p1, "p2": p2, **third}
     raise CameraError(f"nerfstudio has no camera_model for {_describe(lens)}")
 
 
@@ -246,7 +240,7 @@ def _describe(lens: Lens) -> str:
     return f"{name} with {_num_used(lens)} coefficients" if isinstance(lens, OpenCVPinhole) else name
 
 
-def _nerf_intrinsics(lens: KannalaBrandt | OpenCVPinhole) -> dict[str, float]:
+def _intrinsics(lens: KannalaBrandt | OpenCVPinhole) -> dict[str, float]:
     return {"fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy}
 
 

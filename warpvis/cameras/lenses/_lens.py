@@ -14,9 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy
+from warpvis.cameras.checks import as_rows
+from warpvis.core.arrays import freeze
 from warpvis.core.checks import as_items, is_number
-from warpvis.errors import ArrayError, CameraError
+from warpvis.errors import CameraError
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Lens(ABC):
             Coordinates ``(x, y)`` [px] from the top left corner of the image, shape ``(..., 2)``; NaN where the mapping
             is undefined or has turned back, that is where two directions would have the same image point.
         """
-        rows = _as_rows(points, 3, "points")
+        rows = as_rows(points, 3, "points")
         with np.errstate(all="ignore"):  # results that are not finite become NaN below
             result = self._project(np.ascontiguousarray(rows.reshape(-1, 3)))
         result[~np.isfinite(result).all(axis=1)] = np.nan
@@ -59,7 +60,7 @@ class Lens(ABC):
         Returns:
             Unit vectors, shape ``(..., 3)``; NaN where no direction maps to the image point.
         """
-        rows = _as_rows(pixels, 2, "pixels")
+        rows = as_rows(pixels, 2, "pixels")
         with np.errstate(all="ignore"):
             result = self._unproject(np.ascontiguousarray(rows.reshape(-1, 2)))
         result[~np.isfinite(result).all(axis=1)] = np.nan
@@ -84,11 +85,10 @@ class Lens(ABC):
             for row in range(0, height, rows):
                 centers = first[1] + np.arange(row, min(row + rows, height)) + 0.5
                 result[row : row + rows] = self.unproject(np.stack(np.meshgrid(columns, centers), axis=-1))
-            result.flags.writeable = False
             if len(tables) >= _MAX_TABLES:  # bound the cache
                 tables.clear()
-            tables[part] = result
-            return result
+            tables[part] = freeze(result)
+            return result  # another thread may clear the cache
         return tables[part]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -283,13 +283,3 @@ def format_alternatives(counts: Sequence[int]) -> str:
     """Format alternatives: ``4, 5 or 8``."""
     *initial, last = map(str, counts)
     return f"{', '.join(initial)} or {last}" if initial else last
-
-
-def _as_rows(values: ArrayLike, count: int, name: str) -> Floats:
-    try:
-        rows = as_numpy(values, name=name).astype(np.float64)
-    except ArrayError as error:
-        raise CameraError(str(error)) from None
-    if rows.shape[-1:] != (count,):
-        raise CameraError(f"{name} must have shape (..., {count}), got {rows.shape}")
-    return rows
