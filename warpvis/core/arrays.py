@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -126,14 +126,22 @@ def check_shape(got: tuple[int, ...], expected: Shape, *, name: str) -> None:
 
 def empty(shape: tuple[int, ...], dtype: type, *, name: str, device: wp.Device) -> wp.array:
     """Allocate an array; if memory is insufficient, raise an error that states the required size."""
-    try:
-        return aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
-    except (MemoryError, RuntimeError, ValueError) as error:
-        gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
-        raise ArrayError(
-            f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which cannot be allocated ({error}). "
-            "Render fewer views at a time."
-        ) from None
+    return empty_images(shape, {name: dtype}, device)[name]
+
+
+def empty_images(shape: tuple[int, ...], dtypes: Mapping[str, type], device: wp.Device) -> dict[str, wp.array]:
+    """Allocate arrays of a shape by name; if memory is insufficient, raise an error that states the required size."""
+    images: dict[str, wp.array] = {}
+    for name, dtype in dtypes.items():
+        try:
+            images[name] = aligned_empty(shape, dtype) if device.is_cpu else wp.empty(shape, dtype=dtype, device=device)
+        except (MemoryError, RuntimeError, ValueError) as error:
+            gigabytes = np.prod(shape, dtype=np.float64) * wp.types.type_size_in_bytes(dtype) / 1e9
+            raise ArrayError(
+                f"{name} of shape {shape} needs {gigabytes:.1f} GB on {device}, which cannot be allocated ({error}). "
+                "Render fewer views at a time."
+            ) from None
+    return images
 
 
 def aligned_empty(shape: tuple[int, ...], dtype: type, *, allocate: Callable[..., np.ndarray] = np.empty) -> wp.array:

@@ -27,7 +27,7 @@ def warn_of_order(poses: PoseLike, convention: Convention) -> None:
     Cameras of robots and of `look_at` are level and upright if the vertical axis of the world is z, and poses rarely
     mix upright and inverted cameras. The poses must be valid; those on a GPU are not checked.
     """
-    if on_gpu(poses) or np.shape(poses)[1:] != (7,) or len(poses) < _MIN_POSES:
+    if (type(poses) is not np.ndarray and on_gpu(poses)) or np.shape(poses)[1:] != (7,) or len(poses) < _MIN_POSES:
         return
     rows = np.asarray(poses, dtype=np.float64)
     rows = rows[:: -(-len(rows) // _MAX_POSES)]

@@ -103,8 +103,8 @@ def vectors_in_axes(vectors: NDArray[np.float64], source: Convention, axes: Conv
 
 def host_poses(
     poses: PoseLike,
-    *,
     convention: Convention = "opencv",
+    *,
     axes: Convention = "opencv",
     name: str = "camera_to_world",
 ) -> NDArray[np.float32]:

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from typing import Any, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -232,7 +231,7 @@ class BatchRenderer:
         # Work on another stream may still use the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
-        place = self._free_workplaces.take(key, partial(Workplace.of, self.mujoco_scene, chosen, indices))
+        place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
         fovy = self._place(place, poses, models, rows)
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)

@@ -25,7 +25,7 @@ from warpvis.mujoco._model_fields import shape_bodies
 from warpvis.rendering import Renderer, Views
 from warpvis.rendering.casters import Caster, CastOptions, ImagesByName, Scratch, ViewBatch
 from warpvis.scene import Scene, SceneObject
-from warpvis.scene.worlds import pose_columns
+from warpvis.scene.worlds import parse_worlds, pose_columns
 
 if TYPE_CHECKING:
     from warpvis.kernels.mujoco.coinciding import Coinciding
@@ -154,9 +154,11 @@ class GeomRenderer(Renderer):
         out: Views | None = None,
     ) -> Views:
         """Render as `render` does, with sizes as in `warpvis.kernels.casting.worlds.Worlds`."""
-        views = self._parse(camera_to_world, object_poses, "opencv", world_index, exclude, None)
+        poses = self._caster.parse_poses(camera_to_world, "opencv")
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
         if object_sizes is not None:
-            views.worlds.object_sizes = object_sizes
+            worlds.object_sizes = object_sizes
+        views = ViewBatch(poses, worlds)
         self._number(views, frame, view_index)
         return self._render(views, out)
 

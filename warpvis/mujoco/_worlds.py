@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Mapping
-from functools import partial
 from types import MappingProxyType
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -112,7 +111,7 @@ class Kinematics:
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
         data_of_threads = [
-            mujoco.MjData(own) if changes else self._free.take(None, partial(mujoco.MjData, own)) for own in models
+            mujoco.MjData(own) if changes else self._free.take(None) or mujoco.MjData(own) for own in models
         ]
 
         def work(index: int) -> None:

@@ -21,6 +21,7 @@ from warpvis.rendering._choices import (
     Output,
     check_fill as check_fill,
     check_output_names as check_output_names,
+    choose_caster as choose_caster,
 )
 from warpvis.rendering._computed import Frame, register_output
 from warpvis.rendering._depth_kernels import (

@@ -34,6 +34,8 @@ def check_output_names(outputs: object, sensor: object) -> tuple[str, ...]:
     Raises:
         ArrayError: If there is no output, an unknown one, or an output of sensors without a sensor.
     """
+    if outputs is DEFAULT_OUTPUTS:
+        return DEFAULT_OUTPUTS
     names = check_outputs(outputs, OUTPUTS)
     sensor_only = () if sensor is not None else set(SENSOR_NAMES).intersection(names)
     if sensor_only:

@@ -114,7 +114,7 @@ class Renderer:
         self.scene = scene
         self.camera = camera
         self.sensor = sensor
-        self.outputs = check_output_names(outputs, sensor)
+        self.outputs = outputs
         self.threads = check_threads(threads)
         self.caster = choose_caster(caster, camera)
         self.device_bytes = check_device_bytes(device_bytes, scene.device)
@@ -138,6 +138,19 @@ class Renderer:
 
     def _make_caster(self, camera: AnyCamera) -> Caster:
         return make_caster(self.caster, self.scene, camera, self._options)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The images that are rendered."""
+        return self._outputs
+
+    @outputs.setter
+    def outputs(self, names: Sequence[str]) -> None:
+        self._outputs = check_output_names(names, self.sensor)
+        self._computed = []
+        for name in self._outputs:
+            if OUTPUTS[name].stage == "compute":
+                self._computed.append(name)
 
     def render(
         self,
@@ -206,118 +219,115 @@ class Renderer:
         if isinstance(camera_to_world, Motion) or isinstance(object_poses, Motion):
             views = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
         else:
-            views = self._parse(camera_to_world, object_poses, convention, *options)
-        self._number(views, frame, view_index)
+            poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
+            views = ViewBatch(poses, parse_worlds(self.scene, len(poses), object_poses, *options))
+        if self._sensing is not None or frame is not None or view_index is not None:
+            self._number(views, frame, view_index)
         return self._render(views, out)
-
-    def _parse(
-        self,
-        camera_to_world: PoseLike,
-        object_poses: ObjectPoses,
-        convention: Convention | None,
-        world_index: ArrayInput | None,
-        exclude: Excluded,
-        object_scales: ObjectScales,
-    ) -> ViewBatch:
-        """Check the poses and worlds of a call."""
-        poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
-        return ViewBatch(poses, worlds)
 
     def _number(self, views: ViewBatch, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> None:
         """Set the number and frame of each view, which seed a sensor's random numbers."""
         if self._sensing is not None:
-            views.numbers = view_numbers(len(views), self.frame if frame is None else frame, view_index)
+            views.numbers = view_numbers(views.count, self.frame if frame is None else frame, view_index)
             self.frame += frame is None
         elif frame is not None or view_index is not None:
             raise ArrayError("frame and view_index must be None without a sensor, since they seed its random numbers")
 
     def _render(self, views: ViewBatch, out: Views | None) -> Views:
         """Render checked views into new images, or into `out`."""
-        shape, device = (len(views), *self._shape), self.scene.device
-        images = None if out is None else self._checked.find(out, shape, self.outputs)
+        shape, device = (views.count, *self._shape), self.scene.device
+        images = None if out is None else self._checked.find(out, shape, self._outputs)
         if out is not None and images is not None:
             self._run(views, images)
             return out
         if self._on_host(shape, out):
-            result = views_for(self.outputs, shape, wp.get_device("cpu"), out)
+            result = views_for(self._outputs, shape, wp.get_device("cpu"), out)
             self._run_in_parts(views, self._images_of(result))
             return result
-        result = views_for(self.outputs, shape, device, out)
+        result = views_for(self._outputs, shape, device, out)
         images = self._images_of(result)
         if out is not None:
-            self._checked.record(images, shape, self.outputs)
+            self._checked.record(images, shape, self._outputs)
         self._run(views, images)
         return result
 
     def _images_of(self, views: Views) -> dict[str, wp.array]:
         """Return the requested images by name."""
-        return {name: getattr(views, name) for name in self.outputs}
+        images = {}
+        for name in self._outputs:
+            images[name] = getattr(views, name)
+        return images
 
     def _run(self, views: ViewBatch, images: ImagesByName) -> None:
         """Run the stages of a call: cast, compute, measure, fill. Take memory for images that they need."""
-        device, lacking = self.scene.device, self._lacking()
+        device = self.scene.device
         to_upload = isinstance(views.poses, np.ndarray) and not device.is_cpu
-        if not lacking and not to_upload and self._sensing is None:
-            self._run_stages(images, views, images, None)
+        if not to_upload and not self._computed and self._sensing is None:
+            self._cast(views, images)
+            if self._fill is not None:
+                self._fill_depth(images)
             return
+        lacking = self._lacking()
         if device.is_cuda and device.is_capturing:  # a captured graph must not share its memory
             self._run_with(lacking, views, images, Scratch(device))
             return
-        kind = self._shape if views.pixels is None else views.pixels.shape, len(views), device.is_cuda and device.stream
+        kind = (
+            self._shape if views.pixels is None else views.pixels.shape,
+            views.count,
+            device.is_cuda and device.stream,
+        )
         run = partial(self._run_with, lacking, views, images)
         self._options.pool.use(kind, lambda: Scratch(device), run)
 
     def _lacking(self) -> set[str]:
         """Return the images that the stages need and that were not requested; with a sensor, also exact points."""
-        outputs, needed = self.outputs, set[str]()
-        for name in outputs:
-            if OUTPUTS[name].stage == "compute":
-                needed.update(needs_of(name, self.scene))
+        needed = set[str]().union(*(needs_of(name, self.scene) for name in self._computed))
         if self._sensing is not None:
             exact = {"exact points"} if "points" in needed else set()
             needed = (needed - {"points"}) | exact | set(self._sensing.needs)
-        return needed.difference(outputs)
+        return needed.difference(self._outputs)
 
     def _run_with(self, lacking: set[str], views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
         """Run the stages with memory for images that were not requested."""
         device = self.scene.device
         if isinstance(views.poses, np.ndarray) and device.is_cuda and not device.is_capturing:
             views.upload(scratch)
-        shape = (len(views), *self._shape) if views.pixels is None else next(iter(images.values())).shape
+        shape = (views.count, *self._shape) if views.pixels is None else next(iter(images.values())).shape
         memory = {name: scratch.array(name, shape, pixel_type(name.removeprefix("exact "))) for name in lacking}
         self._run_stages({**images, **memory}, views, images, scratch)
 
-    def _run_stages(self, every: ImagesByName, views: ViewBatch, images: ImagesByName, scratch: Scratch | None) -> None:
+    def _run_stages(self, every: ImagesByName, views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
         """Cast, compute, measure and fill.
 
         Args:
             every: Images that the stages read or write, by name.
             views: The views.
             images: The requested images.
-            scratch: Memory for further images; None if there is no sensor.
+            scratch: Memory for further images.
         """
         exact = every
         if self._sensing is not None:  # casters write the exact depth, and exact points only if colors need them
             exact = {**every, "depth": every["true_depth"], "points": every.get("exact points")}
-        caster = self._moving_caster() if isinstance(views.poses, MovingPoses) else self._caster
-        caster.cast(views, {name: exact[name] for name in CAST if exact.get(name) is not None})
-        computed = [name for name in images if OUTPUTS[name].stage == "compute"]
-        if computed:
+        cast_images = {name: exact[name] for name in CAST if exact.get(name) is not None}
+        self._cast(views, cast_images)
+        if self._computed:
             poses = views.poses_on(self.scene.device)
             frame = Frame(self.scene, self._exact_camera, poses, views.worlds, exact, self.threads)
-            for name in computed:
+            for name in self._computed:
                 compute_output(name, frame, images[name])
-        if self._sensing is not None and scratch is not None:
+        if self._sensing is not None:
             self._sensing.measure(views, every, scratch)
-        if self._fill is not None and "depth" in images:
-            self._fill_depth(images["depth"], *self._fill)
+        self._fill_depth(images)
+
+    def _cast(self, views: ViewBatch, images: ImagesByName) -> None:
+        caster = self._moving_caster() if type(views.poses) is MovingPoses else self._caster
+        caster.cast(views, images)
 
     def _moving_caster(self) -> MovingCaster:
         """Return the caster for motions, which is made at first use."""
         if self._sensing is not None:
             raise CameraError("sensor must be None for a Motion: sensor models do not support motion within a frame")
-        if any(OUTPUTS[name].stage == "compute" for name in self.outputs):
+        if self._computed:
             raise CameraError(
                 "outputs must not contain colors for a Motion: shading does not support motion within a frame"
             )
@@ -370,11 +380,12 @@ class Renderer:
         camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
-        views = self._parse(camera_to_world, object_poses, convention, world_index, exclude, object_scales)
+        poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         axes = ("Y", "X") if count_axes(pixels, wp.vec2) == 3 else ("N",)
-        points = as_warp(pixels, wp.vec2, (len(views), *axes), name="pixels", device=self.scene.device)
-        views.pixels = as_image(points)
-        result = views_for(self.outputs, points.shape, self.scene.device, out)
+        points = as_warp(pixels, wp.vec2, (len(poses), *axes), name="pixels", device=self.scene.device)
+        views = ViewBatch(poses, worlds, pixels=as_image(points))
+        result = views_for(self._outputs, points.shape, self.scene.device, out)
         self._run(views, self._images_of(result))
         return result
 
@@ -385,15 +396,17 @@ class Renderer:
         """
         views = ViewBatch(self._caster.parse_poses(poses, "opencv"), worlds)
         self._number(views, None, None)
-        result = views_for(self.outputs, (len(poses), *self._shape), self.scene.device, out)
+        result = views_for(self._outputs, (len(poses), *self._shape), self.scene.device, out)
         self._run(views, self._images_of(result))
         return result
 
-    def _fill_depth(self, depth: wp.array, empty: float, too_near: float) -> None:
-        """Replace depths that are not finite."""
+    def _fill_depth(self, images: ImagesByName) -> None:
+        """Replace depths that are not finite, if depth was requested, by the numbers of `fill`."""
+        if self._fill is None or "depth" not in images:
+            return
         from warpvis.kernels.casting.images import fill_depth
 
-        depth = as_image(depth)
+        (empty, too_near), depth = self._fill, as_image(images["depth"])
         launch_images(
             fill_depth,
             depth.shape,
@@ -408,19 +421,19 @@ class Renderer:
             return False
         if out is None:
             return math.prod(shape) * self._bytes_per_pixel() > self.device_bytes
-        images = [getattr(out, name, None) for name in self.outputs]
+        images = [getattr(out, name, None) for name in self._outputs]
         return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
 
     def _bytes_per_pixel(self) -> int:
         lacking = [name.removeprefix("exact ") for name in self._lacking()]
         extra = 0 if self.sensor is None else self.sensor.bytes_per_pixel
-        return extra + pixel_bytes([*self.outputs, *lacking])
+        return extra + pixel_bytes([*self._outputs, *lacking])
 
     def _run_in_parts(self, views: ViewBatch, images: ImagesByName) -> None:
         """Render as many views at a time as fit `device_bytes`, at least one, and copy them to the host's images."""
-        count, pixels = len(views), math.prod(self._shape)
+        count, pixels = views.count, math.prod(self._shape)
         step = min(count, max(1, self.device_bytes // (pixels * self._bytes_per_pixel())))
-        buffers = self._images_of(views_for(self.outputs, (step, *self._shape), self.scene.device))
+        buffers = self._images_of(views_for(self._outputs, (step, *self._shape), self.scene.device))
         for first in range(0, count, max(1, step)):
             part = slice(first, min(first + step, count))
             sources = {name: buffer[: part.stop - first] for name, buffer in buffers.items()}

@@ -144,6 +144,8 @@ def check_word(value: object, name: str) -> int:
     Raises:
         ArrayError: If `value` is not an unsigned 32-bit integer.
     """
+    if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _MAX_WORD:
+        return value
     if check_whole(value, name, minimum=0) > _MAX_WORD:
         raise ArrayError(f"{name} must be below 2^32, got {value}")
     return int(value)  # type: ignore[call-overload]

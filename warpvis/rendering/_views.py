@@ -7,12 +7,13 @@ from __future__ import annotations
 import weakref
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpvis.core.arrays import check_out, empty
+from warpvis.core.arrays import check_out, empty_images
 from warpvis.core.checks import as_items
 from warpvis.core.outputs import OUTPUTS, OutputSpec
 from warpvis.errors import ArrayError
@@ -27,6 +28,7 @@ _PIXEL_TYPES = {
 """Warp's types of pixels, by the dtype of a component and the number of components of a vector."""
 
 
+@cache
 def pixel_type(name: str) -> type:
     """Return Warp's type of the pixels of an output."""
     spec = OUTPUTS[name]
@@ -120,7 +122,11 @@ def views_for(outputs: Sequence[str], shape: tuple[int, ...], device: wp.Device,
         ArrayError: If `out` does not fit, or memory cannot be allocated.
     """
     if out is None:
-        return as_views({name: empty(shape, pixel_type(name), name=name, device=device) for name in outputs})
+        views, types = Views(), {}
+        for name in outputs:
+            types[name] = pixel_type(name)
+        vars(views).update(empty_images(shape, types, device))
+        return views
     if not isinstance(out, Views):
         raise ArrayError(f"out must be warpvis.Views, got {type(out).__name__}")
     for name in outputs:

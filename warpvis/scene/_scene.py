@@ -500,7 +500,7 @@ class Scene:
 
     def require_objects(self) -> ObjectList:
         """Return the objects; raise a `SceneError` if the scene is empty."""
-        if not self._objects:
+        if not self._objects.names:
             raise SceneError("the scene has no objects; add() one first")
         return self._objects
 

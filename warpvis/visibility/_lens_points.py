@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
-from warpvis.rendering import CasterName, Output, Renderer, render_along
+from warpvis.core.threads import check_threads
+from warpvis.rendering import CasterName, Output, choose_caster, render_along
 from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of
 
@@ -88,7 +89,8 @@ def judge_in_scene(
     # With near = 0, surfaces that are too near have a finite depth and an object.
     outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
     eye = replace(camera, near=0.0)
-    threads = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads).threads  # which checks them
+    choose_caster(caster, eye)
+    threads = check_threads(threads)
     shape = (len(poses), len(points))
     status = np.empty(shape, dtype=np.uint8)
     hidden_by = np.full(shape, -1, dtype=np.int32) if occluders else None

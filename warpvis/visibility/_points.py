@@ -15,10 +15,10 @@ from warpvis.core.arrays import as_points, check_length, empty
 from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
-from warpvis.core.threads import launch_points
+from warpvis.core.threads import check_threads, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.rendering import CasterName, Output, Renderer, Views
+from warpvis.rendering import CasterName, Output, Renderer, Views, choose_caster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._lens_points import judge_in_images, judge_in_scene
@@ -83,21 +83,21 @@ def point_visibility(
         )
         found = wp.array(judged, dtype=wp.uint8, device=scene.device)
         return (found, wp.array(hiding, dtype=wp.int32, device=scene.device)) if occluders else found
-    # With near = 0, surfaces that are too near have a finite depth and an object.
-    eye = dataclasses.replace(camera, near=0.0)
-    outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
-    renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     arrangement = {"object_poses": object_poses, "world_index": world_index, "exclude": exclude}
-    if scene.device.is_cpu and renderer.caster == "packets":
+    if scene.device.is_cpu and choose_caster(caster, camera) == "packets":
         rows = host_poses(camera_to_world, convention=convention)
         places = as_points(points, "points", "N", scene.device)
         status, hidden_by = _empty_judgment((len(rows), len(places)), occluders, scene.device)
         worlds = parse_worlds(scene, len(rows), **arrangement)
-        judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, renderer.threads)
+        judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, check_threads(threads))
     else:
         poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
         pixels, depth = _project(camera, poses, points, threads)
         status, hidden_by = _empty_judgment(depth.shape, occluders, scene.device)
+        # With near = 0, surfaces that are too near have a finite depth and an object.
+        eye = dataclasses.replace(camera, near=0.0)
+        outputs: list[Output] = ["depth", "segmentation"] if occluders else ["depth"]
+        renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
         if depth.size:
             seen = renderer.render_at(poses, pixels, **arrangement)
             _judge(camera, pixels, depth, seen, tolerance, status, hidden_by, threads)

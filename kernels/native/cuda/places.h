@@ -72,8 +72,8 @@ struct PointPlaces : PointIndex {
     }
 };
 
-// Rays of a ray table, near the centers of the pixels of their packet (warpvis/rendering/_ray_packets.py), or anywhere
-// in its image (warpvis/rendering/_ray_images.py).
+// Rays of a ray table, near the centers of the pixels of their packet (warpvis/rendering/casters/sorted_rays_cuda.py),
+// or anywhere in its image (warpvis/rendering/casters/packet_images_cuda.py).
 template <class Index>
 struct TablePlaces : Index {
     const ImagePoint* points;  // in the order of the z-buffer; the centers of pixels without a ray

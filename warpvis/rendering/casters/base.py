@@ -48,12 +48,12 @@ class Pool:
         """Copy or pickle as an empty cache."""
         return Pool, (self._max_kinds,)
 
-    def take(self, kind: Hashable, make: Callable[[], _Item]) -> _Item:
-        """Remove and return an object of a kind, or make one."""
+    def take(self, kind: Hashable) -> Any | None:
+        """Remove and return an object of a kind; None if there is none."""
         try:
             return self._items[kind].pop()
         except (KeyError, IndexError):
-            return make()
+            return None
 
     def give_back(self, kind: Hashable, item: object) -> None:
         """Return an object to the cache for the next call."""
@@ -67,7 +67,7 @@ class Pool:
 
     def use(self, kind: Hashable, make: Callable[[], _Item], work: Callable[[_Item], object]) -> None:
         """Take an object of a kind, call `work` with it, and give it back; after an exception it is dropped."""
-        item = self.take(kind, make)
+        item = self.take(kind) or make()
         work(item)
         self.give_back(kind, item)
 
@@ -89,7 +89,7 @@ class CastOptions:
 class ViewBatch:
     """The checked views of one call."""
 
-    __slots__ = ("_device_poses", "numbers", "pixels", "poses", "worlds")
+    __slots__ = ("_device_poses", "count", "numbers", "pixels", "poses", "worlds")
 
     def __init__(
         self,
@@ -109,11 +109,8 @@ class ViewBatch:
             numbers: Number and frame of each view, which seed the random numbers of a sensor, shape ``(V, 2)``.
         """
         self.poses, self.worlds, self.pixels, self.numbers = poses, worlds, pixels, numbers
+        self.count = len(poses)
         self._device_poses: wp.array | None = poses if isinstance(poses, wp.array) else None
-
-    def __len__(self) -> int:
-        """Return the number of views."""
-        return len(self.poses)
 
     def part(self, part: slice) -> ViewBatch:
         """Return a slice of the views."""
@@ -186,18 +183,17 @@ class ImageSlots:
 
         images: Any = Images()
         self.struct = images
-        memory = images.__ctype__()
-        self._slots = [(name, getattr(memory, name)) for name in CAST]
+        self._memory = images.__ctype__()
         self._filled: set[str] = set()
 
     def fill(self, images: ImagesByName) -> None:
         """Write the addresses of a call's images."""
-        for name, slot in self._slots:
+        for name in CAST:
             if name in images:
-                slot.data = images[name].ptr
+                getattr(self._memory, name).data = images[name].ptr
                 self._filled.add(name)
             elif name in self._filled:
-                slot.data = 0
+                getattr(self._memory, name).data = 0
                 self._filled.remove(name)
 
 

@@ -103,7 +103,7 @@ class MovingCaster(RaysCaster):
         rays = [self._rays, self._origins, self._times, self._options.cull_backfaces, outputs]
         launch_images(
             cast_moving_rays if poses.objects is None else cast_at_moving_objects,
-            (len(views), *self._image),
+            (views.count, *self._image),
             lambda window: [triangles, camera, poses.sensor, window, views.worlds, *objects, *rays],
             device=self._scene.device,
             threads=self._options.threads,

@@ -155,10 +155,8 @@ class CpuCaster:
         self._camera = camera
         self._options = options
         self._costs: dict[str, RayCosts] = {}
-
-    def parse_poses(self, poses: PoseLike, convention: Convention) -> NDArray[np.float32]:
-        """Check poses and return them as rows, in the frame of the camera's axes."""
-        return host_poses(poses, convention=convention, axes=self._camera.axes)
+        # Poses become rows in the frame of the camera's axes.
+        self.parse_poses: Callable[[PoseLike, Convention], NDArray[np.float32]] = partial(host_poses, axes=camera.axes)
 
     def _run(
         self,
@@ -185,15 +183,14 @@ class CpuCaster:
             costs = self._costs.get(method) or self._costs.setdefault(method, RayCosts(self._options.threads))
             workers = min(costs.threads_for(rays), units)
 
-        def run(workspace: Workspace) -> None:
-            start = time.perf_counter_ns()
-            workspace.run(scene, views, images)
-            if costs is not None:
-                costs.note(rays, workers, time.perf_counter_ns() - start)
-
-        shape = len(views) if views.pixels is None else views.pixels.shape
-        kind = (self, method, scene.levels, scene.drawn_count, shape, workers)
-        self._options.pool.use(kind, lambda: make(scene, workers), run)
+        shape = views.count if views.pixels is None else views.pixels.shape
+        kind, pool = (self, method, scene.levels, scene.drawn_count, shape, workers), self._options.pool
+        workspace: Workspace = pool.take(kind) or make(scene, workers)
+        start = time.perf_counter_ns()
+        workspace.run(scene, views, images)
+        if costs is not None:
+            costs.note(rays, workers, time.perf_counter_ns() - start)
+        pool.give_back(kind, workspace)
 
 
 class CpuPacketsCaster(CpuCaster):
@@ -206,18 +203,18 @@ class CpuPacketsCaster(CpuCaster):
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
-        if not len(views):
+        if not views.count:
             return
         pixels, height = views.pixels, self._camera.height
         if pixels is None:
-            make = partial(self._make_strips, len(views), 0)
-            strips = len(views) * -(-height // TILE_SIDE)
-            self._run("pixels", views, images, len(views) * height * self._camera.width, strips, make)
+            make = partial(self._make_strips, views.count, 0)
+            strips = views.count * -(-height // TILE_SIDE)
+            self._run("pixels", views, images, views.count * height * self._camera.width, strips, make)
         elif pixels.shape[1] > 1 and are_coherent(pixels):
-            units = len(views) * -(-pixels.shape[1] // TILE_SIDE)
+            units = views.count * -(-pixels.shape[1] // TILE_SIDE)
             self._run("map", views, images, pixels.size, units, partial(self._make_map, pixels.shape))
         elif pixels.size:
-            make = partial(self._make_strips, len(views), pixels.size // len(views))
+            make = partial(self._make_strips, views.count, pixels.size // views.count)
             self._run("points", views, images, pixels.size, pixels.size, make)
 
     def _make_strips(self, views: int, points: int, scene: BvhScene, workers: int) -> Workspace:

@@ -78,7 +78,7 @@ class CudaPacketsCaster(RaysCaster):
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
         device, worlds = self._scene.device, views.worlds
-        if not len(views):
+        if not views.count:
             return
         if views.pixels is not None and not takes_packets(views.pixels.shape[1] * views.pixels.shape[2]):
             super().cast(views, images)
@@ -92,9 +92,9 @@ class CudaPacketsCaster(RaysCaster):
         moving, large_packets = movable_count > 0, 64
         if 0 < movable_count < MANY_OBJECTS:
             large_packets = 12 if clusters.moves_solids_only else 32
-        side = packet_side(len(views), camera.width, camera.height, device.sm_count, large_packets, moving=moving)
+        side = packet_side(views.count, camera.width, camera.height, device.sm_count, large_packets, moving=moving)
         resized = moving and worlds.object_sizes is not None
-        kind: _Kind = (side, needs_ids(images), moving, clip, resized, len(views))
+        kind: _Kind = (side, needs_ids(images), moving, clip, resized, views.count)
         found = nothing_found()
         if movable_count >= MANY_OBJECTS:
             found = find_objects(scene, camera, clip, poses, worlds, device)

@@ -53,7 +53,7 @@ def cast_point_packets(
         views: The views, with image points on the device.
         images: Images of the shape of the points.
     """
-    pixels, count = views.pixels, len(views)
+    pixels, count = views.pixels, views.count
     assert pixels is not None  # callers cast pixel centers otherwise
     step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
     for first in range(0, count, step):
@@ -70,7 +70,7 @@ def _cast(scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatc
     size = packet_size(pixels.size, pixels.device.sm_count)
     launch(
         _kernel(size, needs_ids(images), moving, clip, moving and worlds.object_sizes is not None),
-        (packet_count(lists, size), len(views), CUDA_LANES),
+        (packet_count(lists, size), views.count, CUDA_LANES),
         [
             scene,
             camera.device_struct(clip_near=clip),

@@ -45,16 +45,16 @@ class CpuRayBundleCaster(CpuCaster):
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
-        if not len(views):
+        if not views.count:
             return
         if views.pixels is not None or not self._takes_packets(views, images):
             self._single_rays.cast(views, images)
             return
-        units = len(views) * self._rays.struct.bundle.shape[0]
+        units = views.count * self._rays.struct.bundle.shape[0]
         if units == 0:  # no pixel has a ray
             self._single_rays.cast(views, images)
             return
-        rays, make = len(views) * self._camera.width * self._camera.height, partial(self._make_workspace, len(views))
+        rays, make = views.count * self._camera.width * self._camera.height, partial(self._make_workspace, views.count)
         self._run("rays", views, images, rays, units, make)
 
     def _takes_packets(self, views: ViewBatch, images: ImagesByName) -> bool:

@@ -34,7 +34,7 @@ class CudaRayBundleCaster(RayBundleCaster):
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
-        if not len(views):
+        if not views.count:
             return
         if views.pixels is not None:
             super().cast(views, images)
@@ -52,7 +52,7 @@ class CudaRayBundleCaster(RayBundleCaster):
         for side, points, packets in kinds:
             launch(
                 _kernel(side, with_id, moving, resized, points, origins),
-                (packets.frame.shape[0], len(views), CUDA_LANES),
+                (packets.frame.shape[0], views.count, CUDA_LANES),
                 [scene, lens, poses, worlds, nothing_found(), packets, self._options.cull_backfaces, outputs],
                 self._scene.device,
                 block_dim=CUDA_LANES,

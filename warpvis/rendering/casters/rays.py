@@ -62,7 +62,7 @@ class RaysCaster:
         poses = views.poses_on(self._scene.device)
         launch_images(
             kernel,
-            (len(views), size[0], size[1]),
+            (views.count, size[0], size[1]),
             lambda window: [triangles.struct, camera, poses, window, views.worlds, *inputs, cull, outputs],
             device=self._scene.device,
             threads=self._options.threads,

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -246,7 +247,8 @@ def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np
     nodes = tree.nodes.numpy().reshape(-1, NODE_ROWS, tree.lanes)
     sides = [nodes[:, row : row + 3].transpose(0, 2, 1).reshape(-1, 3) for row in (NODE_LOW_ROW, NODE_HIGH_ROW)]
     every_box = np.concatenate([boxes, np.stack(sides, axis=1)])
-    steps: np.ndarray = np.zeros(len(source), dtype=InstanceStep.numpy_dtype())
+    struct: Any = InstanceStep
+    steps: np.ndarray = np.zeros(len(source), dtype=struct.numpy_dtype())
     steps["low"], steps["high"] = every_box[source, 0], every_box[source, 1]
     steps["after"], steps["instance"] = after, np.where(source < len(boxes), source, -1)
     steps["pose"][: len(poses)] = poses
