@@ -54,7 +54,7 @@ def test_rendering_in_parts_equals_rendering_at_once(monkeypatch, name, views_at
     renderer = wv.Renderer(movable_boxes(), CAMERA, outputs=OUTPUTS, caster=caster, device_bytes=device_bytes)
     expected = renderer.render(cameras(), **ARRANGEMENTS[name])
     sizes, cast = [], renderer._caster.cast
-    monkeypatch.setattr(renderer._caster, "cast", lambda part, *others: (sizes.append(len(part)), cast(part, *others)))
+    monkeypatch.setattr(renderer._caster, "cast", lambda part, *others: (sizes.append(part.count), cast(part, *others)))
     monkeypatch.setattr(renderer, "_on_host", lambda shape, out: True)
     monkeypatch.setattr(type(wp.get_device("cpu")), "stream", property(lambda device: None))
     monkeypatch.setattr(wp, "synchronize_stream", lambda stream: None)
@@ -68,7 +68,7 @@ def test_rendering_in_parts_equals_rendering_at_once(monkeypatch, name, views_at
 def test_images_beyond_device_bytes_go_to_host():
     """Images larger than `device_bytes`, and images for which the caller passes a Warp array on the host."""
     on_host, on_gpu = wp.zeros((1, 12, 20), device="cpu"), SimpleNamespace(is_cpu=False)
-    renderer = SimpleNamespace(scene=SimpleNamespace(device=on_gpu), outputs=("depth",), device_bytes=1000)
+    renderer = SimpleNamespace(scene=SimpleNamespace(device=on_gpu), _outputs=("depth",), device_bytes=1000)
     renderer._bytes_per_pixel = lambda: 4
     decide = wv.Renderer._on_host
     assert decide(renderer, (1, 10, 25), None) is False
