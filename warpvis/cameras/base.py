@@ -8,12 +8,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-    from warpvis.cameras.lenses import Lens
-    from warpvis.core.messages import Message, MessageTypes, Stamp
+from warpvis.cameras.lenses import Lens, lens_to_ros
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp
+
+if TYPE_CHECKING:
     from warpvis.core.poses import Convention
     from warpvis.core.types import Json
     from warpvis.kernels.casting.rays import RayRange
@@ -126,8 +127,6 @@ class ProjectingCamera(AnyCamera):
 
     def rays_at(self, pixels: ArrayLike) -> NDArray[np.float64]:
         """Return rays of depth 1 through image points [px], shape ``(..., 2)``; NaN outside of the image."""
-        import numpy as np
-
         rays = self.depth_rays(pixels)
         return np.where(self._contains(np.asarray(pixels)), rays, np.nan)
 
@@ -166,9 +165,6 @@ class ProjectingCamera(AnyCamera):
                 ``equidistant``.
             MessageError: If an argument is invalid, or if ROS is not installed.
         """
-        from warpvis.cameras.lenses import lens_to_ros
-        from warpvis.core.messages import MessageMaker
-
         k, d, model = lens_to_ros(self.lens)
         maker = MessageMaker(types)
         return maker.camera_info((self.width, self.height), k, maker.header(frame_id, stamp), d, model)

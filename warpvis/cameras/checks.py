@@ -7,15 +7,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import is_number
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError, IntrinsicsWarning
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
 
 MAX_RAYS = 2**26
 """Maximum number of rays of a camera; they take 1.6 GB."""
@@ -82,8 +82,6 @@ def check_size(value: object, name: str) -> int:
 
 def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float, float]:
     """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`."""
-    import numpy as np
-
     matrix = as_floats(k, "K")
     if matrix.shape != (3, 3):
         raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
@@ -118,8 +116,6 @@ def warn_of_improbable(width: int, height: int, fx: float, fy: float, cx: float,
 
 def as_floats(value: object, name: str) -> NDArray[np.float64]:
     """Return numbers in double precision, or raise `CameraError`."""
-    from warpvis.core.arrays import as_numpy
-
     try:
         return as_numpy(value, name=name).astype("float64")
     except ArrayError as error:

@@ -8,17 +8,24 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, Self
 
-from warpvis.cameras.base import ProjectingCamera
+from numpy.typing import ArrayLike
+
+from warpvis.cameras.base import DepthKind, ProjectingCamera, intrinsics
+from warpvis.cameras.lenses import (
+    Lens,
+    check_coefficients,
+    lens_from_colmap,
+    lens_from_kalibr,
+    lens_from_nerfstudio,
+    lens_from_opencv,
+    lens_from_ros,
+)
 from warpvis.core.checks import check_choice, check_mapping
+from warpvis.core.messages import Message, read_raw_camera_info
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from warpvis.cameras.base import DepthKind
     from warpvis.cameras.lens_camera import LensCamera
-    from warpvis.cameras.lenses import Lens
-    from warpvis.core.messages import Message
 
 
 class CameraMakers(ProjectingCamera):
@@ -54,8 +61,6 @@ class CameraMakers(ProjectingCamera):
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
         """
-        from warpvis.cameras.lenses import lens_from_opencv
-
         fisheye = check_choice(model, "model", ("pinhole", "fisheye"), CameraError) == "fisheye"
         return cls.from_lens(lens_from_opencv(K, D, fisheye=fisheye), width, height, near=near, far=far, kind=kind)
 
@@ -78,9 +83,6 @@ class CameraMakers(ProjectingCamera):
                 coefficients does not match the model, or the camera is not calibrated.
             MessageError: If `message` is not a CameraInfo.
         """
-        from warpvis.cameras.lenses import lens_from_ros
-        from warpvis.core.messages import read_raw_camera_info
-
         info, coefficients, model = read_raw_camera_info(message)
         lens = lens_from_ros(info.K, coefficients, model)
         return cls.from_lens(lens, info.width, info.height, near=near, far=far, kind=kind)
@@ -108,8 +110,6 @@ class CameraMakers(ProjectingCamera):
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
         """
-        from warpvis.cameras.lenses import lens_from_colmap
-
         return cls.from_lens(lens_from_colmap(model, params), width, height, near=near, far=far, kind=kind)
 
     @classmethod
@@ -125,8 +125,6 @@ class CameraMakers(ProjectingCamera):
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
         """
-        from warpvis.cameras.lenses import check_coefficients, lens_from_kalibr
-
         entry = check_mapping(camera, "camera", CameraError)
         width, height = check_coefficients(entry.get("resolution", ()), "resolution", (2,), "numbers")
         return cls.from_lens(lens_from_kalibr(entry), width, height, near=near, far=far, kind=kind)  # type: ignore[arg-type]  # it checks
@@ -145,8 +143,6 @@ class CameraMakers(ProjectingCamera):
             far: Maximum depth [m].
             kind: Definition of depth for a lens.
         """
-        from warpvis.cameras.lenses import lens_from_nerfstudio
-
         entry = check_mapping(fields, "fields", CameraError)
         missing = [name for name in ("fl_x", "fl_y", "cx", "cy", "w", "h") if entry.get(name) is None]
         if missing:
@@ -166,7 +162,6 @@ class CameraMakers(ProjectingCamera):
         kind: DepthKind | None = None,
     ) -> Self | LensCamera:
         """Create a pinhole camera if the lens has no distortion and depth is along the axis, else a `LensCamera`."""
-        from warpvis.cameras.base import intrinsics
         from warpvis.cameras.lens_camera import LensCamera
 
         if kind is not None:

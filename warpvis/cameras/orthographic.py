@@ -8,15 +8,15 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from warpvis.cameras.base import AnyCamera, planar_struct
 from warpvis.cameras.checks import check_numbers, check_size
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from warpvis.kernels.pinhole import PinholeCamera
 
 
@@ -91,15 +91,11 @@ class OrthographicCamera(AnyCamera):
     @property
     def rays(self) -> NDArray[np.float64]:
         """Rays of depth 1, shape ``(height, width, 3)``: the camera's axis."""
-        import numpy as np
-
         return np.broadcast_to([0.0, 0.0, 1.0], (self.height, self.width, 3))
 
     @property
     def origins(self) -> NDArray[np.float64]:
         """Ray origins in the camera's plane [m], shape ``(height, width, 3)``."""
-        import numpy as np
-
         y, x = np.mgrid[: self.height, : self.width] + 0.5
         return np.stack([(x - self.cx) / self.fx, (y - self.cy) / self.fy, np.zeros_like(x)], axis=-1)
 

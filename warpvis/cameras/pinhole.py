@@ -8,6 +8,9 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from warpvis.cameras.base import planar_struct
 from warpvis.cameras.checks import (
     as_floats,
@@ -19,16 +22,13 @@ from warpvis.cameras.checks import (
     check_size,
     warn_of_improbable,
 )
+from warpvis.cameras.lenses import OpenCVPinhole
 from warpvis.cameras.makers import CameraMakers
 from warpvis.core.checks import check_choice, degrees_hint, is_number
+from warpvis.core.messages import Message, read_camera_info
 from warpvis.errors import CameraError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
-
-    from warpvis.cameras.lenses import OpenCVPinhole
-    from warpvis.core.messages import Message
     from warpvis.core.types import Json
     from warpvis.kernels.pinhole import PinholeCamera
 
@@ -157,8 +157,6 @@ class Camera(CameraMakers):
                 a pinhole.
             MessageError: If `message` is not a CameraInfo.
         """
-        from warpvis.core.messages import read_camera_info
-
         info = read_camera_info(message, rectified=rectified)
         return cls.from_K(info.K, info.width, info.height, pixel_center=0.0, near=near, far=far)
 
@@ -169,8 +167,6 @@ class Camera(CameraMakers):
 
     def to_K(self, *, pixel_center: float = 0.5) -> NDArray[np.float64]:  # noqa: N802
         """Return the intrinsic matrix [px], shape ``(3, 3)``; `pixel_center` is 0.0 for OpenCV, ROS and BOP."""
-        import numpy as np
-
         shift = check_pixel_center(pixel_center) - 0.5
         return np.array([[self.fx, 0, self.cx + shift], [0, self.fy, self.cy + shift], [0, 0, 1]])
 
@@ -193,8 +189,6 @@ class Camera(CameraMakers):
         Returns:
             Coordinates ``(x, y)`` [px] from the image's top left corner, shape ``(..., 2)``; NaN where z <= 0.
         """
-        import numpy as np
-
         points = as_rows(points, 3, "points")
         z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
         return np.stack([self.fx * points[..., 0] / z + self.cx, self.fy * points[..., 1] / z + self.cy], axis=-1)
@@ -209,8 +203,6 @@ class Camera(CameraMakers):
         Returns:
             Points [m], shape ``(..., 3)``.
         """
-        import numpy as np
-
         pixels, z = as_rows(pixels, 2, "pixels"), as_floats(depth, "depth")
         try:
             np.broadcast_shapes(pixels.shape[:-1], z.shape)
@@ -223,8 +215,6 @@ class Camera(CameraMakers):
     @property
     def rays(self) -> NDArray[np.float64]:
         """Rays of depth 1 through the pixel centers, shape ``(height, width, 3)``."""
-        import numpy as np
-
         y, x = np.mgrid[: self.height, : self.width] + 0.5
         return self.back_project(np.stack([x, y], axis=-1), np.ones_like(x))
 
@@ -241,23 +231,17 @@ class Camera(CameraMakers):
         Returns:
             Unit vectors in the camera frame, shape ``(..., 3)``.
         """
-        import numpy as np
-
         rays = self.depth_rays(pixels)
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
     @property
     def mask(self) -> NDArray[np.bool_]:
         """Mask of pixels that have no ray, shape ``(height, width)``: all False."""
-        import numpy as np
-
         return np.zeros((self.height, self.width), dtype=bool)
 
     @property
     def lens(self) -> OpenCVPinhole:  # type: ignore[override]
         """The intrinsics as a lens without distortion."""
-        from warpvis.cameras.lenses import OpenCVPinhole
-
         return OpenCVPinhole(self.fx, self.fy, self.cx, self.cy, (0.0,) * 5)
 
     def pixel_size(self) -> tuple[float, float]:
@@ -288,8 +272,6 @@ class Camera(CameraMakers):
 
 def clip_inv_z(near: float) -> float:
     """Return the greatest 1 / z, in single precision, for which 1 / (1 / z) is at least `near`."""
-    import numpy as np
-
     min_z, one = np.float32(near), np.float32(1)
     max_inv_z = one / min_z
     while one / max_inv_z < min_z:
