@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh and dataset formats of other distributions, and the examples of docs/extending.md."""
+"""Outputs, mesh and dataset formats of other distributions, and the examples of docs/extending.md."""
 
+import copy
+import dataclasses
+import pickle
 import re
 import sys
 from pathlib import Path
@@ -12,6 +15,9 @@ import pytest
 import reference_ray_table
 
 import warpvis as wv
+from warpvis.core import outputs as outputs_table
+from warpvis.core.outputs import OUTPUTS
+from warpvis.rendering import _computed
 
 from compare import wrong_depth
 
@@ -24,7 +30,8 @@ def examples(tmp_path, monkeypatch):
     """Return the names that the page's examples define; install the formats among them as a distribution."""
     code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     names = preludes.prepare("extending", tmp_path)
-    (tmp_path / "my_formats.py").write_text("import numpy as np\n" + "\n".join(code[3:]))
+    (tmp_path / "my_formats.py").write_text("import numpy as np\n" + "\n".join(code[4:]))
+    (tmp_path / "my_outputs.py").write_text("import numpy as np, warp as wp\n" + code[3].split("views =")[0])
     (tmp_path / "my_sensors.py").write_text(
         "from dataclasses import dataclass\nimport numpy as np, warpvis as wv\n" + code[2].split("views =")[0]
     )
@@ -40,8 +47,10 @@ def examples(tmp_path, monkeypatch):
     for block in code[:2]:
         exec(compile(block, "docs/extending.md", "exec"), names)
     yield names
-    for name in ("my_formats", "my_sensors"):
+    for name in ("my_formats", "my_sensors", "my_outputs"):
         sys.modules.pop(name, None)
+    for table in (OUTPUTS, _computed._COMPUTED):
+        table.pop("slope", None)
 
 
 def test_example_cameras_match_the_reference(examples):
@@ -69,6 +78,77 @@ def test_example_sensor_rounds_depth(examples, tmp_path):
     assert both.mean() > 0.4
     np.testing.assert_allclose(found[both] / 0.05, np.round(found[both] / 0.05), atol=1e-4)
     assert np.abs(found[both] - exact[both]).max() < 0.0251
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_example_output_is_found_by_its_name(examples, caster):
+    """Nothing imports its module, other images are not changed, and the sensor's depth is not used."""
+    scene, pose, camera = examples["scene"], examples["pose"], wv.Camera.kinect()
+    assert "slope" not in OUTPUTS
+    plain = wv.render(scene, camera, pose, outputs=("depth", "normals"), caster=caster)
+    x, y, z = np.moveaxis(plain.normals.numpy().astype(np.float64), -1, 0)
+    slope = np.arctan2(np.hypot(x, y), np.abs(z))
+    for outputs in (("slope",), ("slope", "depth"), ("normals", "slope", "depth")):
+        for sensor in (None, wv.sensors.NguyenNoise()):
+            views = wv.render(scene, camera, pose, outputs=outputs, caster=caster, sensor=sensor, seed=1)
+            found = views.slope.numpy()
+            near = np.isfinite(plain.depth.numpy())
+            np.testing.assert_allclose(found[near], slope[near], atol=1e-5)
+            assert sensor is not None or np.isnan(found[~near]).all()
+            if "depth" in outputs and sensor is None:
+                np.testing.assert_array_equal(views.depth.numpy(), plain.depth.numpy())
+    for points in (np.full((1, 5, 2), 80.5), np.full((1, 4, 6, 2), 80.5)):
+        at = wv.Renderer(scene, camera, outputs=("slope",), caster=caster).render_at(pose, points)
+        assert at.slope.shape == points.shape[:-1]
+    copied = copy.deepcopy(views), pickle.loads(pickle.dumps(views))
+    for other in copied:
+        np.testing.assert_array_equal(other.slope.numpy(), views.slope.numpy())
+
+
+@pytest.mark.parametrize("kind", ["npz", "zarr"])
+def test_example_output_survives_a_dataset(examples, tmp_path, kind):
+    pytest.importorskip("zarr" if kind == "zarr" else "numpy")
+    scene, pose, camera = examples["scene"], examples["pose"], wv.Camera.kinect()
+    frames = wv.Frames(np.repeat(pose, 3, axis=0), np.arange(3.0))
+    wv.render_batch(scene, camera, frames, tmp_path / "out", format=kind, outputs=("depth", "slope"))
+    dataset = wv.open_dataset(tmp_path / "out")
+    assert dataset.outputs == ("depth", "slope")
+    expected = wv.render(scene, camera, pose, outputs=("slope",)).slope.numpy()[0]
+    for number in range(3):
+        np.testing.assert_array_equal(dataset[number]["slope"], expected)
+
+
+def test_dataset_of_an_unknown_output_is_refused(examples, tmp_path, monkeypatch):
+    wv.render_batch(
+        examples["scene"],
+        wv.Camera.kinect(),
+        wv.Frames(examples["pose"], np.zeros(1)),
+        tmp_path / "out",
+        outputs=("slope",),
+    )
+    del OUTPUTS["slope"]
+    monkeypatch.setattr(outputs_table, "load_plugin", lambda *_: None)
+    with pytest.raises(wv.errors.FileFormatError, match=r"output slope is unknown\. Import the module"):
+        wv.open_dataset(tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "depth"}, "must be a new Python identifier, got 'depth'"),
+        ({"name": "a b"}, "must be a new Python identifier, got 'a b'"),
+        ({"stage": "cast"}, 'must have stage="compute"'),
+        ({"dtype": "float64"}, "must have stage=.* got stage='compute', float64"),
+        ({"components": "xy"}, "components 'xy'"),
+        ({"needs": ()}, "needs of level must be some of depth, .* got none"),
+        ({"needs": ("depth", "color")}, "needs of level must be some of depth, .* got color"),
+    ],
+)
+def test_bad_outputs_are_refused(changes, message):
+    spec = wv.rendering.OutputSpec("level", "float32", "compute", needs=("depth",))
+    with pytest.raises(wv.errors.ArrayError, match=message):
+        wv.rendering.register_output(dataclasses.replace(spec, **changes), lambda frame, out: None)
+    assert "level" not in OUTPUTS
 
 
 def test_mesh_files_are_read_by_a_plugin(examples, tmp_path):

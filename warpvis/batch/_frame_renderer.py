@@ -211,7 +211,7 @@ def frames_batch(frames: Frames, part: slice) -> Batch:
 
 def check_batch_outputs(outputs: object, sensor: object) -> tuple[str, ...]:
     """Check names of outputs of a batch, and return them; `sensor` is None for exact depth."""
-    names = check_outputs(outputs, (*OUTPUTS, VISIBILITY))
+    names = check_outputs(outputs, VISIBILITY)
     images = [name for name in names if _is_image(name)]
     if images:
         check_output_names(images, sensor)
@@ -285,7 +285,7 @@ def warmup(
     """
     start = time.perf_counter()
     device = get_device(device)
-    names = check_outputs(outputs, _EXACT_OUTPUTS)
+    names = check_outputs(outputs, VISIBILITY)
     images = [name for name in names if name != VISIBILITY]
     caster_names = as_items(casters, "casters")
     for scene in _scenes(device):

@@ -8,6 +8,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from warpvis.core.plugins import OUTPUT_MODULES, load_plugin
+
 Output = Literal[
     "depth", "points", "normals", "labels", "segmentation", "faces", "color", "albedo", "reasons", "true_depth"
 ]
@@ -51,6 +53,14 @@ OUTPUTS: dict[str, OutputSpec] = {
     )
 }
 """All outputs, by name."""
+
+
+def find_output(name: object) -> OutputSpec | None:
+    """Return the output of a name, or None; import the installed module that registers it if it is unknown."""
+    if isinstance(name, str) and name not in OUTPUTS:
+        load_plugin(OUTPUT_MODULES, name)
+    return OUTPUTS.get(name) if isinstance(name, str) else None
+
 
 CAST = tuple(spec.name for spec in OUTPUTS.values() if spec.stage == "cast")
 """Images that casters write."""

@@ -11,6 +11,8 @@ from warpvis.errors import FileFormatError
 
 DATASET_FORMATS = "warpvis.dataset_formats"
 """Group of classes of dataset formats, by the name of the format."""
+OUTPUT_MODULES = "warpvis.outputs"
+"""Group of modules that register an output, by its name."""
 MESH_READERS = "warpvis.mesh_readers"
 """Group of functions that read a mesh format, by its file extension without the dot."""
 

@@ -11,7 +11,7 @@ import warp as wp
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import check_choice, check_number, check_whole
-from warpvis.core.outputs import OUTPUTS, SENSOR_NAMES, Output
+from warpvis.core.outputs import SENSOR_NAMES, Output
 from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering._views import check_outputs
 
@@ -36,7 +36,7 @@ def check_output_names(outputs: object, sensor: object) -> tuple[str, ...]:
     """
     if outputs is DEFAULT_OUTPUTS:
         return DEFAULT_OUTPUTS
-    names = check_outputs(outputs, OUTPUTS)
+    names = check_outputs(outputs)
     sensor_only = () if sensor is not None else set(SENSOR_NAMES).intersection(names)
     if sensor_only:
         raise ArrayError(f"outputs must not contain {' and '.join(sorted(sensor_only))} without a sensor")

@@ -15,7 +15,7 @@ from warpvis.core.outputs import CAST, OUTPUTS, OutputSpec
 from warpvis.core.threads import launch_images
 from warpvis.errors import ArrayError
 from warpvis.rendering._views import is_pixel_type
-from warpvis.rendering.casters.base import ImagesByName, as_image
+from warpvis.rendering.casters.base import ImagesByName
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
@@ -35,7 +35,7 @@ class Frame:
     worlds: Worlds
     """The world of each view."""
     images: ImagesByName
-    """The images that the output needs, by name, on the scene's device."""
+    """The images that the output needs, by name, ``(V, H, W)``; lists of rays and points are images of one row."""
     threads: int
     """CPU threads to use."""
 
@@ -47,18 +47,23 @@ _COMPUTED: dict[str, Compute] = {}
 
 
 def register_output(spec: OutputSpec, compute: Compute) -> None:
-    """Add an output to those of all renderers, datasets and commands of this process.
+    """Add an output to those of all renderers and datasets of this process.
+
+    Registering it again replaces `compute`, if the spec is the same.
 
     Args:
         spec: Its name, its dtype, and the images of casters that it is computed from. Its `stage` must be
             ``"compute"``.
-        compute: Writes the output by kernels on the scene's device: ``compute(frame, out)``, where `out` has the shape
-            of the images and the dtype of `spec`.
+        compute: Writes the output by kernels on the scene's device: ``compute(frame, out)``, where `out` has the dtype
+            of `spec` and the shape of `Frame.images`.
 
     Raises:
         ArrayError: If the name is invalid or taken, or the spec cannot be computed.
     """
-    if not spec.name.isidentifier() or spec.name.startswith("_") or spec.name in OUTPUTS:
+    if not isinstance(spec, OutputSpec) or not callable(compute):
+        raise ArrayError(f"spec must be an OutputSpec and compute a function, got {spec!r} and {compute!r}")
+    is_new = spec.name not in OUTPUTS or (spec.name in _COMPUTED and OUTPUTS[spec.name] == spec)
+    if not spec.name.isidentifier() or spec.name.startswith("_") or not is_new:
         raise ArrayError(f"name of an output must be a new Python identifier, got {spec.name!r}")
     if spec.stage != "compute" or not is_pixel_type(spec):
         raise ArrayError(
@@ -95,13 +100,12 @@ def _shade(frame: Frame, out: wp.array, *, lit: bool) -> None:
         "table": base_colors.FOOTPRINT_CONE,
     }[frame.camera.ray_model]
     footprint.size = wp.vec2(*frame.camera.pixel_size())
-    names = OUTPUTS["color" if lit else "albedo"].needs
-    images, colors = [as_image(frame.images[name]) for name in names], as_image(out)
+    images = [frame.images[name] for name in OUTPUTS["color" if lit else "albedo"].needs]
     scene_data = [scene.device_materials(scene.background), *([scene.device_lights(scene.lights)] if lit else [])]
     launch_images(
         lighting.shade_lit_colors if lit else base_colors.shade_base_colors,
-        colors.shape,
-        lambda window: [*scene_data, footprint, frame.poses, window, frame.worlds, *images, colors],
+        out.shape,
+        lambda window: [*scene_data, footprint, frame.poses, window, frame.worlds, *images, out],
         device=scene.device,
         threads=frame.threads,
     )

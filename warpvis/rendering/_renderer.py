@@ -312,9 +312,10 @@ class Renderer:
         self._cast(views, cast_images)
         if self._computed:
             poses = views.poses_on(self.scene.device)
-            frame = Frame(self.scene, self._exact_camera, poses, views.worlds, exact, self.threads)
             for name in self._computed:
-                compute_output(name, frame, images[name])
+                inputs = {needed: as_image(exact[needed]) for needed in needs_of(name, self.scene)}
+                frame = Frame(self.scene, self._exact_camera, poses, views.worlds, inputs, self.threads)
+                compute_output(name, frame, as_image(images[name]))
         if self._sensing is not None:
             self._sensing.measure(views, every, scratch)
         self._fill_depth(images)

@@ -15,7 +15,7 @@ import warp as wp
 
 from warpvis.core.arrays import check_out, empty_images
 from warpvis.core.checks import as_items
-from warpvis.core.outputs import OUTPUTS, OutputSpec
+from warpvis.core.outputs import OUTPUTS, OutputSpec, find_output
 from warpvis.errors import ArrayError
 
 _PIXEL_TYPES = {
@@ -102,16 +102,21 @@ class Views:
         return as_views({n: wp.clone(v) if isinstance(v, wp.array) else v for n, v in vars(self).items()})
 
 
-def check_outputs(outputs: object, known: Collection[str]) -> tuple[str, ...]:
+def check_outputs(outputs: object, *others: str) -> tuple[str, ...]:
     """Return names of outputs without duplicates; a single name may be given without a sequence.
+
+    Args:
+        outputs: The names.
+        others: Further valid names, of results that are not images.
 
     Raises:
         ArrayError: If there is no output, or an unknown one.
     """
     names = as_items(outputs, "outputs")
-    unknown = [str(name) for name in names if not isinstance(name, str) or name not in known]
+    unknown = [str(name) for name in names if name not in others and find_output(name) is None]
     if unknown or not names:
-        raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
+        known = ", ".join((*OUTPUTS, *others))
+        raise ArrayError(f"outputs must be some of {known}, got {', '.join(unknown) or 'none'}")
     return tuple(dict.fromkeys(names))
 
 

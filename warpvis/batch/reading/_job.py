@@ -16,7 +16,7 @@ from warpvis.batch.storage._stores import Store
 from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.labels import Label, LabelNames
-from warpvis.core.outputs import OUTPUTS
+from warpvis.core.outputs import VISIBILITY, find_output
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError, SceneError
 
@@ -55,11 +55,15 @@ class Job:
         size = (self.camera.height, self.camera.width)
         specs = {}
         for name in self.outputs:
-            spec = OUTPUTS.get(name)
+            spec = find_output(name)
             if spec is not None:
                 vector = (len(spec.components),) if spec.components else ()
                 specs[name] = FrameSpec(np.dtype(spec.dtype), (*size, *vector))
-        if "visibility" in self.outputs:
+            elif name != VISIBILITY:
+                raise FileFormatError(
+                    f"{self.name}: output {name} is unknown. Import the module that registers it, before opening"
+                )
+        if VISIBILITY in self.outputs:
             count = len(self.visibility_objects)
             for name, (dtype, last) in VISIBILITY_ARRAYS.items():
                 specs[name] = FrameSpec(np.dtype(dtype), (count, *last))
