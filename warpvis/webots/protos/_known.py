@@ -36,6 +36,12 @@ class Known:
     robot: bool = False  # whether it is a robot, even without a field `controller`
 
 
+def _boxes(*boxes: str) -> tuple[Piece, ...]:
+    """Parse boxes of six numbers: size and center."""
+    rows = [tuple(map(float, box.split())) for box in boxes]
+    return tuple(((x, y, z), (right, left, up)) for x, y, z, right, left, up in rows)
+
+
 def _standing(across: float, along: float, up: float) -> tuple[Piece, ...]:
     """Build a box whose bottom is at the origin."""
     return (((across, along, up), (0.0, 0.0, up / 2)),)
@@ -58,127 +64,85 @@ def _seat(width: float) -> tuple[Piece, ...]:
     )
 
 
-def _car(*pieces: Piece) -> Known:
-    """Build a car, whose origin is between its rear wheels."""
-    return Known(pieces, ahead="z", name="vehicle", translation=(0.0, 0.0, 0.4), robot=True)
-
-
-_BMW = _car(((4.5, 1.8, 1.6), (1.35, 0.0, 0.7)))
-_CITROEN = _car(((3.3, 1.4, 1.5), (1.25, 0.0, 0.5)))
-_EPUCK = Known(
-    (((0.066, 0.066, 0.045), (0.0, 0.0, 0.025)), ((0.05, 0.04, 0.01), (0.0, 0.0, 0.0051))),
-    ahead="-z",
-    name="e-puck",
-    robot=True,
-)
-_LINCOLN = _car(((4.9, 1.8, 0.8), (1.44, 0.0, 0.3)), ((2.0, 1.6, 0.5), (1.44, 0.0, 0.85)))
-_RANGE_ROVER = _car(((4.5, 1.8, 0.8), (1.25, 0.0, 0.35)), ((2.7, 1.5, 0.75), (0.6, 0.0, 0.85)))
-_TESLA = _car(((4.5, 1.8, 0.7), (1.37, 0.0, 0.21)), ((2.9, 1.5, 0.7), (0.68, 0.0, 0.76)))
-_TOYOTA = _car(((4.2, 1.8, 1.4), (1.4, 0.0, 0.6)))
+_EPUCK = Known(_boxes("0.066 0.066 0.045 0 0 0.025", "0.05 0.04 0.01 0 0 0.0051"), "-z", name="e-puck", robot=True)
+_CARS = {  # the origin is between the rear wheels
+    "BmwX5": _boxes("4.5 1.8 1.6 1.35 0 0.7"),
+    "CitroenCZero": _boxes("3.3 1.4 1.5 1.25 0 0.5"),
+    "LincolnMKZ": _boxes("4.9 1.8 0.8 1.44 0 0.3", "2 1.6 0.5 1.44 0 0.85"),
+    "RangeRoverSportSVR": _boxes("4.5 1.8 0.8 1.25 0 0.35", "2.7 1.5 0.75 0.6 0 0.85"),
+    "TeslaModel3": _boxes("4.5 1.8 0.7 1.37 0 0.21", "2.9 1.5 0.7 0.68 0 0.76"),
+    "ToyotaPrius": _boxes("4.2 1.8 1.4 1.4 0 0.6"),
+}
 
 KNOWN: dict[str, Known] = {
     "Armchair": Known(_seat(1.1)),
     "BathroomSink": Known(
-        (
-            ((0.35, 0.7, 0.105), (0.176, 0.005, 0.0095)),
-            ((0.42, 0.42, 0.18), (0.23, 0.005, 0.07)),
-            ((0.05, 0.05, 0.28), (0.075, 0.204, 0.19)),
+        _boxes(
+            "0.35 0.7 0.105 0.176 0.005 0.0095", "0.42 0.42 0.18 0.23 0.005 0.07", "0.05 0.05 0.28 0.075 0.204 0.19"
         ),
         name="sink",
         translation=(0.0, 0.0, 0.05),
     ),
-    "Bathtube": Known((((0.93, 1.9, 0.24), (-0.03, 0.01, 0.37)), ((0.68, 1.55, 0.24), (-0.01, 0.0, 0.13)))),
+    "Bathtube": Known(_boxes("0.93 1.9 0.24 -0.03 0.01 0.37", "0.68 1.55 0.24 -0.01 0 0.13")),
     "Bed": Known(
         (
-            ((2.1, 1.75, 0.4), (0.0, 0.0, 0.45)),
-            ((0.1, 1.75, 0.83), (1.01, 0.0, 0.42)),
-            ((0.1, 1.75, 1.25), (-1.01, 0.0, 0.63)),
-            ((0.54, 1.33, 0.3), (-0.71, 0.0, 0.79)),
+            *_boxes("2.1 1.75 0.4 0 0 0.45", "0.1 1.75 0.83 1.01 0 0.42"),
+            *_boxes("0.1 1.75 1.25 -1.01 0 0.63", "0.54 1.33 0.3 -0.71 0 0.79"),
         ),
-        ahead="-x",
+        "-x",
     ),
-    "BmwX5": _BMW,
-    "BmwX5Simple": _BMW,
-    "Can": Known((((0.0635, 0.0635, 0.1222), (0.0, 0.0, 0.0)),), translation=(0.0, 0.0, 0.06)),
-    "Carafe": Known(
-        (((0.132, 0.132, 0.116), (0.036, 0.0, 0.059)), ((0.106, 0.106, 0.068), (0.0365, 0.0, 0.142))), ahead="-z"
-    ),
+    "Can": Known(_boxes("0.0635 0.0635 0.1222 0 0 0"), translation=(0.0, 0.0, 0.06)),
+    "Carafe": Known(_boxes("0.132 0.132 0.116 0.036 0 0.059", "0.106 0.106 0.068 0.0365 0 0.142"), "-z"),
     "Chair": Known(
-        (
-            ((0.5, 0.5, 0.1), (0.0, 0.0, 0.45)),
-            ((0.06, 0.5, 0.5), (-0.237, 0.0, 0.75)),
-            *_feet(0.22, 0.22, (0.06, 0.06, 0.4)),
-        )
+        (*_boxes("0.5 0.5 0.1 0 0 0.45", "0.06 0.5 0.5 -0.237 0 0.75"), *_feet(0.22, 0.22, (0.06, 0.06, 0.4)))
     ),
-    "CitroenCZero": _CITROEN,
-    "CitroenCZeroSimple": _CITROEN,
-    "Desk": Known((((0.7, 1.2, 0.02), (0.0, 0.0, 0.7)), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), ahead="-z"),
-    "DesktopComputer": Known((((0.34328, 0.168, 0.357), (0.0, 0.0, 0.179)),)),
+    "Desk": Known((*_boxes("0.7 1.2 0.02 0 0 0.7"), *_feet(0.269, 0.535, (0.046, 0.046, 0.69))), "-z"),
+    "DesktopComputer": Known(_boxes("0.34328 0.168 0.357 0 0 0.179")),
     "E-puck": _EPUCK,
     "EPuck": _EPUCK,
     "Fridge": Known(_standing(0.7, 0.7, 1.8)),
-    "HotPlate": Known((((0.37, 0.416, 0.0027), (0.112, 0.0, 0.031)),), ahead="-z", translation=(0.0, 0.0, -0.03)),
-    "Keyboard": Known((((0.13428, 0.41, 0.01), (0.0, 0.0, 0.0)),), ahead="-z"),
-    "LincolnMKZ": _LINCOLN,
-    "LincolnMKZSimple": _LINCOLN,
+    "HotPlate": Known(_boxes("0.37 0.416 0.0027 0.112 0 0.031"), "-z", translation=(0.0, 0.0, -0.03)),
+    "Keyboard": Known(_boxes("0.13428 0.41 0.01 0 0 0"), "-z"),
     "Monitor": Known(
-        (
-            ((0.01176, 0.469, 0.24738), (0.0, 0.0, 0.225)),
-            ((0.131, 0.075, 0.023), (0.013, 0.0, 0.011)),
-            ((0.037, 0.073, 0.132), (-0.029, 0.0, 0.086)),
+        _boxes(
+            "0.01176 0.469 0.24738 0 0 0.225", "0.131 0.075 0.023 0.013 0 0.011", "0.037 0.073 0.132 -0.029 0 0.086"
         ),
-        ahead="-z",
+        "-z",
     ),
     "OfficeChair": Known(_standing(0.54, 0.43, 0.98)),
     "Oven": Known(_standing(0.5, 0.44, 0.68), old_lift=0.34),
     "PottedTree": Known(_standing(0.3, 0.3, 1.3)),
-    "RangeRoverSportSVR": _RANGE_ROVER,
-    "RangeRoverSportSVRSimple": _RANGE_ROVER,
-    "RoundTable": Known(
-        (
-            ((2.0, 2.0, 0.02), (0.0, 0.0, 0.75)),
-            ((0.09, 0.09, 0.68), (0.0, 0.0, 0.4)),
-            ((0.5, 0.5, 0.06), (0.0, 0.0, 0.03)),
-        )
-    ),
+    "RoundTable": Known(_boxes("2 2 0.02 0 0 0.75", "0.09 0.09 0.68 0 0 0.4", "0.5 0.5 0.06 0 0 0.03")),
     "Sink": Known(
         (
-            *(((0.03, 0.44, 0.062), (x, 0.0, -0.004)) for x in (0.27, -0.07)),
-            *(((0.37, 0.045, 0.062), (0.1, y, -0.004)) for y in (0.198, -0.198)),
-            ((0.37, 0.44, 0.004), (0.1, 0.0, -0.037)),
+            *_boxes(
+                "0.03 0.44 0.062 0.27 0 -0.004", "0.03 0.44 0.062 -0.07 0 -0.004", "0.37 0.045 0.062 0.1 0.198 -0.004"
+            ),
+            *_boxes("0.37 0.045 0.062 0.1 -0.198 -0.004", "0.37 0.44 0.004 0.1 0 -0.037"),
         ),
-        ahead="-z",
+        "-z",
     ),
     "Sofa": Known(_seat(1.8)),
-    "Television": Known((((0.1, 1.0, 0.6), (0.0, 0.0, 0.0)),), robot=True),
-    "TeslaModel3": _TESLA,
-    "TeslaModel3Simple": _TESLA,
+    "Television": Known(_boxes("0.1 1 0.6 0 0 0"), robot=True),
     "Toilet": Known(
-        (
-            ((0.51, 0.48, 0.22), (0.048, 0.0, 0.35)),
-            ((0.5, 0.36, 0.24), (-0.04, 0.0, 0.12)),
-            ((0.22, 0.58, 0.78), (-0.32, -0.01, 0.628)),
-        )
+        _boxes("0.51 0.48 0.22 0.048 0 0.35", "0.5 0.36 0.24 -0.04 0 0.12", "0.22 0.58 0.78 -0.32 -0.01 0.628")
     ),
-    "ToyotaPrius": _TOYOTA,
-    "ToyotaPriusSimple": _TOYOTA,
     "TrafficCone": Known(
-        (
-            ((0.5, 0.5, 0.015), (0.0, 0.0, 0.015)),
-            ((0.18, 0.18, 0.37), (-0.01, -0.005, 0.22)),
-            ((0.07, 0.07, 0.44), (-0.01, -0.005, 0.29)),
-        )
+        _boxes("0.5 0.5 0.015 0 0 0.015", "0.18 0.18 0.37 -0.01 -0.005 0.22", "0.07 0.07 0.44 -0.01 -0.005 0.29")
     ),
     "TurtleBot3Burger": Known(
-        (((0.097, 0.137, 0.1425), (-0.032, 0.0, 0.08)), ((0.135, 0.095, 0.143), (-0.032, 0.0, 0.08))),
-        ahead="-z",
+        _boxes("0.097 0.137 0.1425 -0.032 0 0.08", "0.135 0.095 0.143 -0.032 0 0.08"),
+        "-z",
         name="TurtleBot3Burger",
         robot=True,
     ),
-    "WashingMachine": Known(
-        (((0.73, 0.77, 1.05), (0.0, 0.0, 0.0)),), name="whashing machine", translation=(0.0, 0.0, 0.53)
-    ),
-    "WoodenChair": Known(_standing(0.42, 0.44, 0.944), ahead="-z"),
+    "WashingMachine": Known(_boxes("0.73 0.77 1.05 0 0 0"), name="whashing machine", translation=(0.0, 0.0, 0.53)),
+    "WoodenChair": Known(_standing(0.42, 0.44, 0.944), "-z"),
+    **{
+        name + simple: Known(boxes, "z", "vehicle", translation=(0.0, 0.0, 0.4), robot=True)
+        for name, boxes in _CARS.items()
+        for simple in ("", "Simple")
+    },
 }
 """Stand-ins by PROTO name."""
 
