@@ -89,11 +89,7 @@ class LabelNames(Mapping[int, str]):
             self.update(names)
 
     def update(self, names: Mapping[int, str]) -> None:
-        """Add or change names. If one is invalid, none is changed.
-
-        Raises:
-            SceneError: If a number or a name is invalid, or two numbers have the same name.
-        """
+        """Add or change names. If one is invalid, none is changed."""
         new = dict(self._names)
         for number, name in check_mapping(names, "label_names", SceneError).items():
             new[_check_number(number)] = _check_name(name, number)

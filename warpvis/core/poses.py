@@ -232,7 +232,6 @@ def read_pose(pose: ArrayLike, quaternion: QuaternionOrder, *, name: str = "pose
 
     Raises:
         PoseError: If the pose is invalid, or if there are several.
-        ArrayError: If it is not an array of numbers.
     """
     if quaternion == "xyzw" and isinstance(pose, tuple | list | np.ndarray) and len(pose) == 7:
         row = as_numpy(pose, name=name).astype(np.float64)
@@ -307,10 +306,6 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
 
     Returns:
         The poses themselves for ``"xyzw"`` and for matrices; else reordered copies.
-
-    Raises:
-        PoseError: If `quaternion` is invalid.
-        ArrayError: If the poses are not an array of numbers.
     """
     if isinstance(quaternion, str) and quaternion == "xyzw":
         return poses
@@ -330,11 +325,7 @@ def check_quaternion(quaternion: object) -> None:
 
 
 def check_convention(convention: object) -> Convention:
-    """Check a convention, and return it; ``"ros_optical"`` becomes ``"opencv"``.
-
-    Raises:
-        PoseError: If there is no such convention.
-    """
+    """Check a convention, and return it; ``"ros_optical"`` becomes ``"opencv"``."""
     if isinstance(convention, str) and convention == "ros":
         raise PoseError(
             'convention must be "ros_body" (x forward, y left, z up) or "ros_optical" (x right, y down, z forward, as '

@@ -68,9 +68,6 @@ def launch_images(
         split_views: Whether several threads may share one view.
         span: Number of pixels of a row per kernel thread; the index x counts spans.
         min_pixels: Minimum number of pixels per piece.
-
-    Raises:
-        ArrayError: If `threads` is not a positive integer.
     """
     views, height, width = shape
     spans = -(-width // span)

@@ -217,9 +217,6 @@ def register_livox_types(types: MessageTypes) -> None:
 
     Args:
         types: A type store of ROS 2, such as from `rosbags.typesys.get_typestore`.
-
-    Raises:
-        MessageError: If `types` is not a type store.
     """
     MessageMaker(types)  # checks the type store
     store: Any = types

@@ -147,7 +147,6 @@ def save_depth_png(depth: ArrayLike, path: str | os.PathLike[str]) -> None:
         path: File to write.
 
     Raises:
-        ArrayError: If `depth` has another shape or dtype.
         FileFormatError: If the file cannot be written.
     """
     image = require_meters(as_numpy(depth, name="depth"))
@@ -171,7 +170,6 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
         a limit elsewhere.
 
     Raises:
-        ArrayError: If `unit` is not a positive number.
         FileFormatError: If the file is missing, or not such an image.
     """
     path = as_path(path)

@@ -49,7 +49,6 @@ def to_image_msg(
         types: A type store of rosbags; by default ROS's own classes, which must be installed.
 
     Raises:
-        ArrayError: If the image is invalid.
         MessageError: If another argument is invalid, or ROS is not installed.
     """
     maker = MessageMaker(types)

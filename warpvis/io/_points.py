@@ -111,7 +111,6 @@ def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
             of all formats except ``.pcd`` and ``.npy``, which keep rows and columns.
 
     Raises:
-        ArrayError: If `cloud` is not a cloud.
         FileFormatError: If the format is unknown, or the file cannot be written.
     """
     path = as_path(path)
@@ -136,7 +135,6 @@ def save_clouds(
         Paths of the files.
 
     Raises:
-        ArrayError: If one is not a cloud.
         FileFormatError: If the format is unknown, or a file cannot be written.
     """
     folder = as_path(folder, "folder")

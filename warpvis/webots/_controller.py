@@ -174,9 +174,6 @@ class DepthEye:
             node_pose: Pose of the node in the world, ``x y z qx qy qz qw`` or a 4x4 matrix. By default it is read
                 from the node.
             quaternion: Order of the quaternion in a `node_pose` of 7 numbers, ``"xyzw"`` or ``"wxyz"``.
-
-        Raises:
-            PoseError: If `node_pose` is invalid, or neither it nor a node is given.
         """
         node_pose = to_xyzw(node_pose, quaternion, "node_pose")
         if node_pose is None:

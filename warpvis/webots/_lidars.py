@@ -107,9 +107,6 @@ class Lidar:
         Returns:
             Points [m], shape ``(layers, columns, 3)``: x forward, y left, z up; up to R2021b x right, y up, z backward.
             Points of non-finite ranges are not finite.
-
-        Raises:
-            ArrayError: If the shape of `ranges` is not ``(layers, columns)``.
         """
         image = as_numpy(ranges, name="ranges").astype(np.float64)
         if image.shape != (self.layers, self.columns):

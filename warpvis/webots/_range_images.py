@@ -35,11 +35,7 @@ def require_world(world: object) -> WebotsWorld:
 
 
 def find_device(world: WebotsWorld, name: str) -> Device:
-    """Return the device of the given name.
-
-    Raises:
-        SceneError: If the world has no such device.
-    """
+    """Return the device of the given name."""
     return _find(require_world(world).devices, "device", name)
 
 
@@ -73,7 +69,6 @@ def render_range(
 
     Raises:
         SceneError: If there is no such device, or `webots_version` is given for a camera.
-        FileFormatError: If `webots_version` is not a version.
     """
     device = find_device(world, device_name)
     exclude = _body(world, device, exclude_body)
@@ -186,11 +181,7 @@ def _clip(corners: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[n
 
 
 def find_lidar(world: WebotsWorld, name: str) -> Lidar:
-    """Return the lidar of the given name.
-
-    Raises:
-        SceneError: If the world has no such lidar.
-    """
+    """Return the lidar of the given name."""
     return _find(require_world(world).lidars, "lidar", name)
 
 
@@ -226,7 +217,6 @@ def render_lidar(
 
     Raises:
         SceneError: If there is no such lidar, or it has too many rays.
-        FileFormatError: If `webots_version` is not a version.
     """
     lidar = find_lidar(world, lidar_name)
     exclude = _body(world, lidar, exclude_body) or None

@@ -69,9 +69,6 @@ def range_values(
 
     Returns:
         Values as received by Webots' controllers [m], shape ``(V, H, W)``.
-
-    Raises:
-        FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
     images = _check_depth(depth)
@@ -113,9 +110,6 @@ def add_noise(
 
     Returns:
         Noisy values [m], of the shape of `values`; +inf is unchanged. If `noise` is 0, all values are.
-
-    Raises:
-        FileFormatError: If `version` is a text that is not a release.
     """
     release = as_version(version)
     ranges = as_numpy(values, name="values").astype(np.float32)
@@ -140,9 +134,6 @@ def quantize(values: ArrayLike, resolution: float) -> NDArray[np.float32]:
 
     Returns:
         Values [m], of the same shape; +inf is unchanged.
-
-    Raises:
-        ArrayError: If `resolution` is neither positive nor -1.
     """
     ranges = as_numpy(values, name="values").astype(np.float32)
     if is_number(resolution) and resolution == -1:

@@ -90,7 +90,6 @@ def read_frames(
     Raises:
         FileFormatError: If the file is missing, contains no poses, or is malformed; the message names the file and the
             line, row, frame, image or message. Or if `topic` or `quaternion` does not apply to such a file.
-        PoseError: If `convention` or `quaternion` is invalid.
     """
     path = as_path(path)
     if convention is not None:
