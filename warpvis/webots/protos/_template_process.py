@@ -114,7 +114,7 @@ def _lua(job: dict[str, Any]) -> object:
 
     runtime = lua52.LuaRuntime(register_eval=False, register_builtins=False, max_memory=job["heap"])
     assignments = "".join(f"{name} = {value}\n" for name, value in job["variables"].items())
-    return runtime.eval(job["library"])(job["program"], assignments, job["limit"], job["modules"])
+    return runtime.execute(job["library"])(job["program"], assignments, job["limit"], job["modules"])
 
 
 if __name__ == "__main__":

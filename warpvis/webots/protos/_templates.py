@@ -13,13 +13,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Literal, NamedTuple, NoReturn, TypeAlias
 
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, shown
 from warpvis.webots.protos._template_engine import TemplateEngine, is_installed
-from warpvis.webots.protos._template_library import JAVASCRIPT, LUA, LUA_MODULES
 
 Language: TypeAlias = Literal["javascript", "lua"]
 Describe: TypeAlias = Callable[[Node], "dict[str, tuple[str, Value, Value]] | None"]
@@ -222,11 +223,17 @@ def _imported(match: re.Match[str]) -> str:
     return f"const {names} = $modules.{match[3]}"
 
 
+@cache
+def _library(name: str) -> str:
+    """Read a library of templates from its file."""
+    return Path(__file__).with_name(name).read_text(encoding="utf-8")
+
+
 def _javascript_job(program: str, variables: Mapping[str, Json]) -> dict[str, Json]:
     opening = '(function () { "use strict"; const $pieces = []; const _put = (v) => { $pieces.push(String(v)); };'
     closing = 'return $pieces.join(""); })()'  # join, since quickjs cannot return the rope of a string sum to Python
     return {
-        "library": JAVASCRIPT,
+        "library": _library("templates.js"),
         "program": f"{opening}\n{program}\n{closing}",
         "variables": {name: json.dumps(_without_none(value)) for name, value in variables.items()},
         "limit": SECONDS,
@@ -237,8 +244,8 @@ def _javascript_job(program: str, variables: Mapping[str, Json]) -> dict[str, Js
 def _lua_job(program: str, variables: Mapping[str, Json]) -> dict[str, Json]:
     opening = "local _pieces = {} local function _put(v) _pieces[#_pieces + 1] = tostring(v) end"
     return {
-        "library": LUA,
-        "modules": LUA_MODULES,
+        "library": _library("templates.lua"),
+        "modules": _library("template_modules.lua"),
         "program": f"{opening}\n{program}\nreturn table.concat(_pieces)",
         "variables": {name: _lua(value) for name, value in variables.items()},
         "limit": _LUA_STEPS,
