@@ -92,7 +92,9 @@ class LabelNames(Mapping[int, str]):
         """Add or change names. If one is invalid, none is changed."""
         new = dict(self._names)
         for number, name in check_mapping(names, "label_names", SceneError).items():
-            new[_check_number(number)] = _check_name(name, number)
+            if not is_whole(number) or not 0 <= number < LABEL_COUNT:
+                raise SceneError(f"label_names must have numbers from 0 to 255, got {number!r}")
+            new[int(number)] = _check_name(name, number)
         numbers: dict[str, int] = {}
         for number, name in new.items():
             first = numbers.setdefault(name.casefold(), number)
@@ -125,8 +127,13 @@ class LabelNames(Mapping[int, str]):
         elif is_whole(label):
             number = int(label)
         if number is None or not 0 <= number < LABEL_COUNT:
-            known = f"one of {self._listed()}, or a number from 0 to 255"
-            raise SceneError(f"label must be {known}, got {truncate(repr(label))}; label_names names others")
+            names = [f"{truncate(name, 40)} ({number})" for number, name in self._names.items()]
+            more = len(names) - _MAX_LISTED
+            known = ", ".join(names if more <= 1 else [*names[:_MAX_LISTED], f"{more} others"])
+            given = truncate(repr(label))
+            raise SceneError(
+                f"label must be one of {known}, or a number from 0 to 255, got {given}; label_names names others"
+            )
         return Label(number) if number <= _GREATEST else number
 
     def numbers(self, labels: Iterable[Label | int | str] | Label | int | str, name: str = "labels") -> set[int]:
@@ -143,17 +150,6 @@ class LabelNames(Mapping[int, str]):
         """Return the name of a class in reports and files: ``"OBJECT"`` for a `Label` with that name, else its name."""
         number, name = self.number(label), self.name(label)
         return number.name if isinstance(number, Label) and number.name.lower() == name else name
-
-    def _listed(self) -> str:
-        names = [f"{truncate(name, 40)} ({number})" for number, name in self._names.items()]
-        more = len(names) - _MAX_LISTED
-        return ", ".join(names if more <= 1 else [*names[:_MAX_LISTED], f"{more} others"])
-
-
-def _check_number(number: object) -> int:
-    if not is_whole(number) or not 0 <= number < LABEL_COUNT:
-        raise SceneError(f"label_names must have numbers from 0 to 255, got {number!r}")
-    return int(number)
 
 
 def _check_name(name: object, number: int) -> str:
@@ -264,7 +260,8 @@ def _read_file(path: Path) -> LabelRules:
         )
     try:
         labels = _check_patterns(data.get("labels") or {})
-        names = {_as_number(key): name for key, name in _mapping(data.get("label_names") or {}).items()}
+        named = check_mapping(data.get("label_names") or {}, "label_names", SceneError)
+        names = {_as_number(key): name for key, name in named.items()}
         classes = LabelNames(names)
         labels = {pattern: _settled(label, classes) for pattern, label in labels.items()}
         ground = data.get("ground_labels")
@@ -282,10 +279,6 @@ def _settled(label: Any, names: LabelNames) -> Any:
         return names.number(label)
     except SceneError:
         return label
-
-
-def _mapping(value: object) -> Mapping[Any, Any]:
-    return check_mapping(value, "label_names", SceneError)
 
 
 def _as_number(key: object) -> Any:

@@ -284,20 +284,16 @@ def _window(view: int, row: int) -> Window:
 
 def _submit(work: Callable[[], None], count: int) -> list[_Task]:
     """Submit `work` to `count` threads of the pool, which grows to the maximum count requested so far."""
+    global _pool_size
     tasks = [_Task(work) for _ in range(count)]
     if _pool_size < count:
-        _enlarge_pool(count)
+        with _pool_lock:
+            while _pool_size < count:
+                Thread(target=_work_for_pool, args=(_pool,), name=f"warpvis_{_pool_size}", daemon=True).start()
+                _pool_size += 1
     for task in tasks:
         _pool.put(task)
     return tasks
-
-
-def _enlarge_pool(size: int) -> None:
-    global _pool_size
-    with _pool_lock:
-        while _pool_size < size:
-            Thread(target=_work_for_pool, args=(_pool,), name=f"warpvis_{_pool_size}", daemon=True).start()
-            _pool_size += 1
 
 
 def _work_for_pool(pool: SimpleQueue[_Task]) -> None:

@@ -261,8 +261,10 @@ class Stage:
         self._built = dict(sorted(self._built.items()))
         self._get_ready()
         for geom, part in parts:
-            if geom in reshaped and not isinstance(part.mesh, Solid) and self._moves_alone(part.name):
-                self.scene.update_vertices(part.name, part.mesh[0])
+            if geom in reshaped and not isinstance(part.mesh, Solid):
+                index = self.scene.index(part.name)
+                if all(item.parent != index for item in self.scene.objects):  # none is attached to it
+                    self.scene.update_vertices(part.name, part.mesh[0])
 
     def _put(self, parts: Iterable[tuple[int, Part]]) -> None:
         """Replace the objects of geoms by parts; objects added to the scene remain after the geoms."""
@@ -285,11 +287,6 @@ class Stage:
                 "add it with another name"
             )
         put_objects(self.scene, ordered, parents)
-
-    def _moves_alone(self, name: str) -> bool:
-        """Return whether no object is attached to the given one."""
-        index = self.scene.index(name)
-        return all(item.parent != index for item in self.scene.objects)
 
 
 def _differs(poses: NDArray[np.float64], reference: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -200,16 +200,9 @@ class DepthEye:
         quaternion: QuaternionOrder = "xyzw",
         **options: Unpack[ClassifyOptions],
     ) -> wp.array:
-        """Label the pixels as `warpvis.classify` does.
+        """Label the pixels as `warpvis.classify` does, whose options it takes: `Label` values ``(1, H, W)`` uint8.
 
-        Args:
-            node_pose: As for `pose`.
-            up: The world's vertical axis.
-            quaternion: As for `pose`.
-            **options: Options of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
-
-        Returns:
-            `Label` values, shape ``(1, H, W)`` uint8.
+        `up` is the world's vertical axis; `node_pose` and `quaternion` are as for `pose`.
         """
         return classify(self.depth(), self.camera, self.pose(node_pose, quaternion=quaternion), up=up, **options)
 
@@ -223,15 +216,9 @@ class DepthEye:
         quaternion: QuaternionOrder = "xyzw",
         **options: Unpack[ClassifyOptions],
     ) -> FloorMap:
-        """Project the labeled points to a floor map.
+        """Project the points labeled by `classify`, whose arguments it takes, to a floor map.
 
-        Args:
-            node_pose: As for `pose`.
-            bounds: As for `warpvis.floor_map`.
-            cell_size: As for `warpvis.floor_map` [m].
-            up: The world's vertical axis.
-            quaternion: As for `pose`.
-            **options: Options of `warpvis.classify`: `spheres`, `ground_tolerance`, `ground_height`, ...
+        `bounds` and `cell_size` [m] are as for `warpvis.floor_map`.
         """
         depth, pose = self.depth(), self.pose(node_pose, quaternion=quaternion)  # read once: the simulation advances
         labels = classify(depth, self.camera, pose, up=up, **options)

@@ -18,6 +18,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.poses import convert_axes
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
+from warpvis.sensors.lidars._plain import directions_at
 from warpvis.webots._devices import check_resolution, read_field_of_view, read_ranges
 from warpvis.webots._nodes import Node, Version, correction, replaced
 
@@ -119,7 +120,7 @@ class Lidar:
             azimuth = self.fov / 2 - (column + 0.5) * self.fov / self.columns
         else:
             azimuth = self.fov / 2 - column * self.fov / max(self.columns - 1, 1)
-        forward, left, up = np.moveaxis(_directions(azimuth, self._elevations() + self.tilt), -1, 0)
+        forward, left, up = np.moveaxis(directions_at(azimuth, (self._elevations() + self.tilt)[:, None]), -1, 0)
         axes = (forward, left, up) if self.version.z_up else (-left, up, -forward)
         with np.errstate(invalid="ignore"):  # inf * 0 for infinite ranges along an axis
             return (image[..., None] * np.stack(axes, axis=-1)).astype(np.float32)
@@ -149,7 +150,7 @@ class Lidar:
         times = None
         if self.rotates:
             first = math.pi if self.version >= _BEGINS_BEHIND else 0.0
-            directions = _directions(first - 2 * math.pi * column / self.columns, elevation + self.tilt)
+            directions = directions_at(first - 2 * math.pi * column / self.columns, (elevation + self.tilt)[:, None])
             each = np.arange(self.columns) / (self.columns * self.frequency)
             times = np.broadcast_to(each, (self.layers, self.columns))
         else:
@@ -159,7 +160,7 @@ class Lidar:
                 directions = np.stack([np.ones_like(left), left, up], axis=-1)
                 directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
             else:
-                directions = _directions(self.fov / 2 - column * self.fov / self.columns, elevation)
+                directions = directions_at(self.fov / 2 - column * self.fov / self.columns, elevation[:, None])
             sine, cosine = math.sin(self.tilt), math.cos(self.tilt)
             directions = directions @ np.array([(cosine, 0, sine), (0, 1, 0), (-sine, 0, cosine)])
         rings = np.broadcast_to(np.arange(self.layers)[:, None], (self.layers, self.columns))
@@ -175,12 +176,6 @@ def image_height(layers: int, fov: float, vertical_fov: float, width: int) -> in
     """Compute the height of that image [px], from the highest to the lowest layer."""
     # Webots' expression, for the same rounding.
     return 1 if layers == 1 else math.ceil((vertical_fov + fov / width) * (width / fov))
-
-
-def _directions(azimuth: NDArray[np.float64], elevation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute unit vectors, x forward, y left, z up, shape ``(layers, columns, 3)``."""
-    around, up = np.broadcast_arrays(azimuth, elevation[:, None])
-    return np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)], axis=-1)
 
 
 def read_lidar(node: Node, place: NDArray[np.float64], robot: str) -> Lidar | None:

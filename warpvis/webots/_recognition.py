@@ -78,11 +78,6 @@ def recognize(world: WebotsWorld, camera_name: str, *, threads: int | None = Non
     projection, as in Webots since R2023a. A camera whose field of view exceeds a hemisphere recognizes objects in front
     of it, and objects behind it beyond one of the four planes; round bounds are then not cut off.
 
-    Args:
-        world: The world, from `load_webots`.
-        camera_name: The camera.
-        threads: Number of CPU threads; by default all cores available to the process.
-
     Raises:
         SceneError: If there is no such camera, or it has no Recognition node.
         FileFormatError: If a field of the Recognition node has a wrong type.
@@ -173,11 +168,6 @@ def _obstacles(bounds: Bounds) -> _Obstacles:
 
 def segmentation_image(world: WebotsWorld, camera_name: str, *, threads: int | None = None) -> NDArray[np.int32]:
     """Render a Recognition node's segmentation image, which shows Solids with `recognitionColors` only.
-
-    Args:
-        world: The world, from `load_webots`.
-        camera_name: The camera.
-        threads: Number of CPU threads; by default all cores available to the process.
 
     Returns:
         Indices into the scene's objects, -1 for none, shape ``(H, W)`` int32.

@@ -8,7 +8,7 @@ import hashlib
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urljoin
@@ -51,8 +51,11 @@ class Places:
         """Find the local file of a URL in `file`, in the bodies of `protos`, outermost first; None if there is none."""
         url = with_slashes(url)
         if not is_web(url) and not is_web(file):
-            places = self._in_project(url, Path(file), [Path(proto) for proto in protos if not is_web(proto)])
-            found = first_file(places)
+            folders = [Path(file).parent]
+            for proto in [*(Path(proto) for proto in reversed([*protos]) if not is_web(proto)), self.world]:
+                folders += [proto.parent, proto.parent.parent / "protos", proto.parent.parent / "worlds"]
+            folders.append(self.world.parent / "protos")
+            found = first_file(folder / url for folder in dict.fromkeys(folders))
             if found is not None:
                 return found
         return self.find_in_tree(url, file) or self.find_in_cache(url, file)
@@ -83,14 +86,6 @@ class Places:
             if name.startswith("http") and is_file(path):
                 return Found(path, name)
         return None
-
-    def _in_project(self, url: str, file: Path, protos: list[Path]) -> Iterator[Path]:
-        """List the candidate paths of a relative URL, best first."""
-        folders = [file.parent]
-        for proto in [*reversed(protos), self.world]:
-            folders += [proto.parent, proto.parent.parent / "protos", proto.parent.parent / "worlds"]
-        folders.append(self.world.parent / "protos")
-        yield from (folder / url for folder in dict.fromkeys(folders))
 
 
 def installed() -> list[Path]:

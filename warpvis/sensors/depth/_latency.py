@@ -78,7 +78,11 @@ class Latency:
         current = SensorImages()
         for name in names:
             setattr(current, name, getattr(views, name).reshape(rows))
-        inputs: list[Any] = [current, wp.array(self._advance(numbers), dtype=wp.vec2i, device=depth.device)]
+        self._count = np.where(numbers == self._last + 1, self._count, 0) + 1
+        self._last = numbers.astype(np.int64)
+        # Slots of the ring buffer: of the current and of the delayed image of each view.
+        slots = np.stack([self._count - 1, np.maximum(self._count - 1 - self._frames, 0)], axis=-1).astype(np.int32)
+        inputs: list[Any] = [current, wp.array(slots % (self._max_delay + 1), dtype=wp.vec2i, device=depth.device)]
         inputs += [history[name].reshape((self._max_delay + 1, *rows)) if name in names else None for name in _DELAYED]
         inputs += [getattr(written, name).reshape(rows) if name in names else None for name in _DELAYED]
         launch_images(delay_images, rows, lambda window: [window, *inputs], device=depth.device)
@@ -122,13 +126,6 @@ class Latency:
                 f"{stored.device}, got {', '.join(names)} of shape {shape[1:]} on {device}"
             )
         return self._history
-
-    def _advance(self, numbers: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the ring-buffer slots of the current and the delayed image of each view, ``(V, 2)``."""
-        self._count = np.where(numbers == self._last + 1, self._count, 0) + 1
-        self._last = numbers.astype(np.int64)
-        slots = self._count - 1
-        return np.stack([slots, np.maximum(slots - self._frames, 0)], axis=-1).astype(np.int32) % (self._max_delay + 1)
 
 
 def _check_delays(frames: object) -> NDArray[np.int64]:
