@@ -16,7 +16,7 @@ from scipy import ndimage
 
 import warpvis as wv
 from warpvis.sensors import Reason, RedwoodNoise, SimKinect, sensor_from_fields, sensor_to_fields
-from warpvis.sensors.depth._kinect_simulators import make_pattern
+from warpvis.sensors.depth._kinect_models import make_pattern
 
 from support.kinect_noise import CAMERA, images, make_scene, wall
 from support.stereo import AHEAD, POSES

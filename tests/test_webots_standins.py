@@ -14,7 +14,7 @@ import warpvis as wv
 from warpvis import Label
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.webots import load_webots, recognize
-from warpvis.webots.protos._known import KNOWN
+from warpvis.webots.protos._standins import KNOWN
 
 
 def load(folder, text, version="R2023b", **options):

@@ -46,8 +46,7 @@ from warpvis.webots._parts import (
 )
 from warpvis.webots.protos._builtin import BUILTIN, expand
 from warpvis.webots.protos._expansion import Protos
-from warpvis.webots.protos._known import KNOWN
-from warpvis.webots.protos._standins import DEPTH_CAMERAS, expand_depth_camera, stand_in, stand_in_geometry
+from warpvis.webots.protos._standins import DEPTH_CAMERAS, KNOWN, expand_depth_camera, stand_in, stand_in_geometry
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, reset_fields, tessellate
 from warpvis.webots.shapes._polygons import Triangles
 

@@ -8,8 +8,12 @@ from warpvis.sensors.depth._base import Reason as Reason
 from warpvis.sensors.depth._corruptions import Corruptions as Corruptions
 from warpvis.sensors.depth._fields import sensor_from_fields as sensor_from_fields, sensor_to_fields as sensor_to_fields
 from warpvis.sensors.depth._fit import StereoFit as StereoFit, WallReport as WallReport, fit as fit
-from warpvis.sensors.depth._kinect_noise import KhoshelhamNoise as KhoshelhamNoise, NguyenNoise as NguyenNoise
-from warpvis.sensors.depth._kinect_simulators import RedwoodNoise as RedwoodNoise, SimKinect as SimKinect
+from warpvis.sensors.depth._kinect_models import (
+    KhoshelhamNoise as KhoshelhamNoise,
+    NguyenNoise as NguyenNoise,
+    RedwoodNoise as RedwoodNoise,
+    SimKinect as SimKinect,
+)
 from warpvis.sensors.depth._latency import Latency as Latency
 from warpvis.sensors.depth._profiles import (
     SENSOR_NAMES as SENSOR_NAMES,

@@ -16,15 +16,16 @@ from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items, check_number, check_whole, format_percent, pluralize
 from warpvis.errors import ArrayError
-from warpvis.sensors.depth._quantization import (
+from warpvis.sensors.depth._stereo import StereoDepth, check_baseline
+from warpvis.sensors.depth._walls import (
+    Wall,
     correlation,
     expected_correlation,
     find_quantum,
     find_spacing,
     fit_spread,
+    measure_wall,
 )
-from warpvis.sensors.depth._stereo import StereoDepth, check_baseline
-from warpvis.sensors.depth._walls import Wall, measure_wall
 
 # Maximum distance of a wall for cameras without a finite `far` [m].
 _FARTHEST_WALL = 20.0

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.webots._nodes import Node, Version, new_node
-from warpvis.webots.protos._known import Vector, box_at, in_axes, numbers, shape_at, solid_of
+from warpvis.webots.protos._standins import Vector, box_at, in_axes, numbers, shape_at, solid_of
 from warpvis.webots.shapes._geometry import revolve, turned
 from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
 
