@@ -131,6 +131,7 @@ OURS = {
     "DepthSensor.measure",
     "Exposure.cast_at",
     "Exposure.cast_images_at",
+    "Exposure.launch",
     "Exposure.measure_some",
     "Corruptions.check",
     "Corruptions.measure",

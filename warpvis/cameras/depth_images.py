@@ -41,7 +41,7 @@ def read_depth(
         device = depth.device if isinstance(depth, wp.array) else _device_of(depth)
     device = get_device(device)
     if not on_gpu(depth):
-        host = depth.numpy() if isinstance(depth, wp.array) else as_numpy(depth, name="depth")
+        host = as_numpy(depth, name="depth")
         check_meters(host, "depth", camera.near, camera.far if max_range is None else max_range)
         depth = depth if isinstance(depth, wp.array) else host
     if getattr(depth, "ndim", 0) == 2:

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
@@ -167,7 +166,7 @@ def _length(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> int:
 
 def _camera_rows(poses: PoseLike, convention: Convention) -> NDArray[np.float64]:
     convention = check_convention(convention)
-    array = _host(poses, "poses")
+    array = as_numpy(poses, name="poses")
     if array.dtype.kind == "b":
         raise PoseError("poses must be numbers, got booleans")
     array = array.astype(np.float64)
@@ -183,7 +182,7 @@ def _camera_rows(poses: PoseLike, convention: Convention) -> NDArray[np.float64]
 
 
 def _object_rows(poses: PoseLike) -> NDArray[np.float32]:
-    array = _host(poses, "object_poses")
+    array = as_numpy(poses, name="object_poses")
     array = array[None] if array.ndim == 2 else array
     if array.dtype.kind == "b" or array.ndim != 3 or array.shape[2] != 7 or not array.size:
         raise PoseError(
@@ -215,7 +214,7 @@ def _check_size(array: NDArray[np.float64], name: str) -> None:
 def _check_timestamps(timestamps: ArrayInput | None, count: int) -> NDArray[np.float64]:
     if timestamps is None:
         return np.arange(count, dtype=np.float64)
-    times = _host(timestamps, "timestamps")
+    times = as_numpy(timestamps, name="timestamps")
     if times.dtype.kind == "b" or times.shape != (count,):
         raise ArrayError(
             f"timestamps must be {count} numbers of seconds, one per frame, got {times.dtype} of shape {times.shape}"
@@ -230,7 +229,7 @@ def _check_timestamps(timestamps: ArrayInput | None, count: int) -> NDArray[np.f
 def _check_world(world_index: ArrayInput | None, count: int, objects: NDArray[np.float32] | None) -> NDArray[np.int32]:
     if objects is None:
         raise ArrayError("object_poses must be given with world_index, which contains indices into them")
-    worlds = _host(world_index, "world_index")
+    worlds = as_numpy(world_index, name="world_index")
     if worlds.dtype.kind not in "iu" or worlds.shape != (count,):
         raise ArrayError(
             f"world_index must be {count} whole numbers, one per frame, got {worlds.dtype} of shape {worlds.shape}"
@@ -254,7 +253,3 @@ def _check_source(source: Mapping[str, Json] | None) -> dict[str, Json]:
     except (TypeError, ValueError):
         pass
     raise ArrayError(f"source must be a mapping of JSON values, got {source!r}")
-
-
-def _host(value: ArrayInput, name: str) -> np.ndarray:
-    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)

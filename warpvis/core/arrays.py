@@ -100,8 +100,10 @@ def as_points(points: ArrayInput, name: str, count: str, device: wp.Device) -> w
 
 
 def as_numpy(value: ArrayInput, *, name: str) -> np.ndarray:
-    """Return `value` as a NumPy array that shares its memory where possible."""
+    """Return `value` as a NumPy array that shares its memory where possible; Warp's arrays are copied from a GPU."""
     try:
+        if isinstance(value, wp.array):
+            value = value.numpy()
         host = np.from_dlpack(value) if hasattr(value, "__dlpack__") and not isinstance(value, np.ndarray) else value
         host = np.asarray(host)
     except Exception as error:  # third-party arrays may raise any exception
@@ -221,6 +223,15 @@ def check_out(out: wp.array, dtype: type, shape: tuple[int, ...], *, name: str, 
     if not isinstance(out, wp.array):
         raise ArrayError(f"{name} must be a wp.array to be written to, got {type(out).__name__}")
     return _check_warp(out, dtype, shape, name=name, device=device)
+
+
+def take_out(
+    out: wp.array | None, dtype: type, shape: tuple[int, ...], *, name: str = "out", device: wp.Device
+) -> wp.array:
+    """Return `out` after a check, or a new array if it is None."""
+    if out is None:
+        return empty(shape, dtype, name=name, device=device)
+    return check_out(out, dtype, shape, name=name, device=device)
 
 
 def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError) -> NDArray[np.float64]:

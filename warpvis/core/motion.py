@@ -122,7 +122,7 @@ class Motion:
         if on_gpu(poses):
             raise PoseError("poses must be on the host for a motion without times, got an array on a GPU")
         motion = cls.__new__(cls)
-        host = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="poses")
+        host = as_numpy(poses, name="poses")
         motion._rows, motion._parts = _host_rows(host[None], quaternion), []
         motion._times = motion._linear = motion._angular = None
         motion._starts = None if starts is None else _numbers(starts, "starts")
@@ -264,9 +264,7 @@ def _read_poses(
         is_trajectory = isinstance(array, wp.array) and array.ndim == 1
         parts = [array[k : k + 1] if is_trajectory else array[k] for k in range(array.shape[0])]
         return None, [to_xyzw(part, quaternion, "poses") for part in parts]
-    if several:
-        poses = [part.numpy() if isinstance(part, wp.array) else part for part in poses]
-    host = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name="poses")
+    host = as_numpy([as_numpy(part, name="poses") for part in poses] if several else poses, name="poses")
     return _host_rows(host, quaternion), []
 
 
@@ -287,7 +285,7 @@ def _host_rows(host: NDArray, quaternion: QuaternionOrder) -> NDArray[np.float64
 
 def _numbers(value: ArrayInput, name: str, axes: int | None = 1) -> NDArray[np.float64]:
     """Check that a value is finite numbers with `axes` axes, and return them in double precision, read-only."""
-    values = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+    values = as_numpy(value, name=name)
     if axes is not None and (values.ndim != axes or not values.size):
         raise ArrayError(f"{name} must be a list of numbers of seconds, got shape {values.shape}")
     array = values.astype(np.float64)

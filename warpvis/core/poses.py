@@ -314,7 +314,7 @@ def to_xyzw(poses: PoseLike, quaternion: QuaternionOrder, name: str) -> PoseLike
         return None
     if on_gpu(poses):
         return to_xyzw_on_device(poses if isinstance(poses, wp.array) else from_foreign(poses, name))
-    rows = as_numpy(poses.numpy() if isinstance(poses, wp.array) else poses, name=name)
+    rows = as_numpy(poses, name=name)
     return rows[..., [0, 1, 2, 4, 5, 6, 3]] if rows.shape[-1:] == (7,) else rows
 
 

@@ -8,7 +8,6 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras import Rays
@@ -183,7 +182,7 @@ def to_laserscan(
 
 
 def _one_row(values: Any, name: str, count: int) -> NDArray[np.float32]:
-    row = as_numpy(values.numpy() if isinstance(values, wp.array) else values, name=name)
+    row = as_numpy(values, name=name)
     if row.size != count or row.dtype.kind not in "fiu":
         raise ArrayError(f"{name} must be {count} numbers, one for each ray, got {row.dtype} of {row.shape}")
     return np.array(row.reshape(-1), dtype="<f4")

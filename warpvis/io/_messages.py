@@ -179,8 +179,8 @@ def _point_field(kind: np.dtype[np.void], name: str, maker: MessageMaker) -> Mes
 def _on_host(value: ArrayInput, name: str) -> NDArray[Any]:
     """Return an array of any library and device as a NumPy array."""
     if on_gpu(value):
-        value = (value if isinstance(value, wp.array) else wp.from_dlpack(value)).numpy()
-    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+        value = wp.from_dlpack(value)
+    return as_numpy(value, name=name)
 
 
 def _read_image(depth: ArrayInput) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from warpvis.cameras.depth_images import read_depth
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, empty, on_gpu
+from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, on_gpu, take_out
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
@@ -76,7 +76,7 @@ def back_project(
         the camera's `near` or greater than its `far`, or where a lens has no ray.
     """
     depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
-    points = _allocate(out, wp.vec3, depth)
+    points = take_out(out, wp.vec3, depth.shape, device=depth.device)
     launch_back_project(camera, poses, depth, points, threads)
     return points
 
@@ -135,7 +135,7 @@ def classify(
     ground.height = check_length(ground_height, "ground_height", signed=True)
     reach = _check_range(max_range, camera)
     balls, sphere_count = _device_spheres(spheres, depth.device)
-    labels = _allocate(out, wp.uint8, depth)
+    labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
     if spheres_out is not None:
         check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
     launch_classify(camera, poses, depth, [reach, ground, balls, labels, spheres_out], threads, sphere_count)
@@ -168,7 +168,7 @@ def classify_rendered(
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
     objects = _read_objects(objects, depth, scene)
     reach = check_length(max_range, "max_range", infinite=True)
-    labels = _allocate(out, wp.uint8, depth)
+    labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
     launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
     return labels
 
@@ -225,12 +225,6 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
     struct.size = wp.array([ball.diameter for ball in balls], dtype=wp.float32, device=device)
     struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
     return struct, len(balls)
-
-
-def _allocate(out: wp.array | None, dtype: type, like: wp.array) -> wp.array:
-    if out is None:
-        return empty(like.shape, dtype, name="the result", device=like.device)
-    return check_out(out, dtype, like.shape, name="out", device=like.device)
 
 
 def _check_range(max_range: float | None, camera: ImageCamera) -> float:

@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
-from warpvis.core.arrays import check_out, empty
+from warpvis.core.arrays import take_out
 from warpvis.core.checks import as_items
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, CameraError
@@ -71,8 +71,7 @@ def look_up_objects(views: Views, numbers: NDArray[np.int32], out: wp.array | No
             'views must have segmentation, got none; create the BatchRenderer with outputs=("segmentation", ...)'
         )
     shape, device = views.segmentation.shape, views.segmentation.device
-    out = empty(shape, wp.int32, name="ids", device=device) if out is None else out
-    check_out(out, wp.int32, shape, name="out", device=device)
+    out = take_out(out, wp.int32, shape, device=device)
     inputs = [views.segmentation.flatten(), wp.array(numbers, dtype=wp.int32, device=device), out.flatten()]
     launch(geoms_of_objects, out.size, inputs, device)
     return out

@@ -247,7 +247,7 @@ def check_computed(source: PoseSource, kinds: Iterable[str], worlds: NDArray[np.
                 continue
             _check_rows_of(source, name, value[None], np.zeros(1, dtype=np.int64))
         elif value is not None and not on_gpu(value):
-            rows = value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
+            rows = as_numpy(value, name=name)
             if rows.ndim > 2 and rows.size and rows.dtype.kind in "fiu":  # other arrays are rejected by their readers
                 _check_rows_of(
                     source, name, rows, np.arange(len(rows)) if worlds is None else worlds[worlds < len(rows)]

@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import as_numpy, check_out, empty, get_device
+from warpvis.core.arrays import as_numpy, get_device, take_out
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
@@ -162,8 +162,7 @@ class Rangefinders:
             frames += (None, None) if part is None else part
         shape = (worlds, len(self.addresses))
         out_shape = shape[1:] if single else shape
-        out = empty(out_shape, wp.float32, name="readings", device=device) if out is None else out
-        check_out(out, wp.float32, out_shape, name="out", device=device)
+        out = take_out(out, wp.float32, out_shape, device=device)
         rows = out.reshape(shape)
         launch_images(
             read_rangefinders,

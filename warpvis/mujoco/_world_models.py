@@ -119,7 +119,7 @@ class WorldModels:
         """Return a field of one world or all, by default the model's: a NumPy array, or an array on a GPU."""
         value = self._fields.get(name)
         value = getattr(self._model, name)[None] if value is None else value
-        value = value if on_gpu(value) else _on_host(value, name)
+        value = value if on_gpu(value) else as_numpy(value, name=name)
         self._check_worlds(name, value)
         return value
 
@@ -129,14 +129,14 @@ class WorldModels:
         if on_gpu(value):
             differs = value.shape[0] > 1
         else:
-            rows = _on_host(value, name)
+            rows = as_numpy(value, name=name)
             differs = rows.shape[1:] != own.shape or (rows.astype(np.float32) != own.astype(np.float32)).any()
         if differs:
             raise ArrayError(f"{name} must equal that of the renderer's model, which all worlds share; omit it")
 
     def _host(self, name: str) -> NDArray[np.float64]:
         """Return an array on the host, with quaternions normalized."""
-        rows = _on_host(self._fields[name], name)
+        rows = as_numpy(self._fields[name], name=name)
         shape = getattr(self._model, name).shape
         if rows.dtype.kind not in "fiu" or rows.shape[1:] != shape or not len(rows):
             expected = ", ".join(map(str, ("W", *shape)))
@@ -158,10 +158,6 @@ class WorldModels:
             raise ArrayError(f"{name} must be an array of 1 or {self._worlds} worlds, got {value}")
         if value.shape[0] not in (1, self._worlds):
             raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {value.shape[0]}")
-
-
-def _on_host(value: Any, name: str) -> NDArray[Any]:
-    return value.numpy() if isinstance(value, wp.array) else as_numpy(value, name=name)
 
 
 def _effective(fields: Sequence[NDArray[Any]], geoms: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -188,7 +188,7 @@ def best_views(
     count = None if count is None else check_whole(count, "count")
     chosen = choose_objects(scene, objects)
     weights = _check_weights(weights, len(chosen))
-    array = as_numpy(candidates.numpy() if isinstance(candidates, wp.array) else candidates, name="candidates")
+    array = as_numpy(candidates, name="candidates")
     if array.size == 0:
         raise ArrayError("candidates must be one or more poses, got none")
     rows = parse_poses(array, convention=convention, name="candidates").numpy().astype(np.float64).reshape(-1, 7)

@@ -152,7 +152,7 @@ def check_word(value: object, name: str) -> int:
 
 
 def _check_words(value: ArrayInput | int, name: str, views: int) -> NDArray[np.int64]:
-    numbers = as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
+    numbers = as_numpy(value, name=name)
     if numbers.shape != (views,) or numbers.dtype.kind not in "iu":
         raise ArrayError(f"{name} must be whole numbers, one for each of {views} views, got {_kind(numbers)}")
     wrong = (numbers < 0) | (numbers > _MAX_WORD)

@@ -123,7 +123,7 @@ def _parse_object_scales(scene: Scene, scales: ArrayInput) -> wp.array:
     if not movable:
         raise ArrayError("object_scales were given, but no object of the scene is movable; add one with movable=True")
     if not on_gpu(scales):
-        rows = _host(scales, "object_scales")
+        rows = as_numpy(scales, name="object_scales")
         rows = rows[None] if rows.ndim == 2 else rows
         if rows.ndim != 3 or rows.shape[1:] != (len(movable), 3) or not len(rows) or rows.dtype.kind not in "fiu":
             raise ArrayError(
@@ -162,7 +162,7 @@ def _parse_object_poses(scene: Scene, poses: PoseLike, repeated: int = 1) -> wp.
         poses = poses.reshape((1, poses.shape[0]))
     if on_gpu(poses):
         return _check_device_poses(poses, len(movable), scene.device)
-    rows = _host(poses, "object_poses")
+    rows = as_numpy(poses, name="object_poses")
     rows = rows[None] if rows.ndim == 2 else rows
     if rows.ndim != 3 or rows.shape[1:] != (len(movable), 7) or len(rows) == 0:
         raise PoseError(
@@ -193,10 +193,6 @@ def _describe_wrong(scene: Scene, indices: NDArray[np.intp]) -> str:
     return f"wrong in {len(indices)}, of {', '.join(names)}"
 
 
-def _host(value: ArrayInput, name: str) -> np.ndarray:
-    return as_numpy(value.numpy() if isinstance(value, wp.array) else value, name=name)
-
-
 def _check_device_poses(poses: PoseLike, count: int, device: wp.Device) -> wp.array:
     if not isinstance(poses, wp.array):
         poses = wp.from_dlpack(poses)
@@ -213,7 +209,7 @@ def _parse_world(world_index: ArrayInput | None, views: int, count: int, device:
     result = as_warp(world_index, wp.int32, (views,), name="world_index", device=device)
     if on_gpu(world_index):
         return result
-    host = _host(world_index, "world_index")
+    host = as_numpy(world_index, name="world_index")
     bad = np.flatnonzero((host < 0) | (host >= count))
     if len(bad):
         raise ArrayError(
@@ -232,7 +228,7 @@ def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
         return wp.array(flags, dtype=wp.uint8, device=scene.device)
     if on_gpu(exclude):
         return as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
-    flags = _host(exclude, "exclude")
+    flags = as_numpy(exclude, name="exclude")
     if flags.shape not in ((views, count), (1, count)):
         raise ArrayError(
             f"exclude must be names or indices of objects, or flags of shape ({views}, {count}) or (1, {count}), "

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any, overload
 
 import numpy as np
-import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.rays import Rays
@@ -99,7 +98,7 @@ def _cloud(rays: Rays, depth: NDArray, fields: dict[str, NDArray], organized: bo
 
 def _flatten(values: Any, name: str, rays: int, views: int | None) -> NDArray[Any]:
     """Copy an image of each view to the host and flatten it to shape ``(views, rays)``."""
-    host = as_numpy(values.numpy() if isinstance(values, wp.array) else values, name=name)
+    host = as_numpy(values, name=name)
     count = host.shape[0] if host.ndim > 1 else 1
     if host.size != count * rays or (views is not None and count != views):
         expected = "views" if views is None else str(views)

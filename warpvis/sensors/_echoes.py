@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.rays import Rays
-from warpvis.core.arrays import as_numpy, check_out, check_shape, empty
+from warpvis.core.arrays import as_numpy, check_out, check_shape, take_out
 from warpvis.core.checks import check_angle, check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.motion import Motion
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
@@ -122,7 +122,7 @@ def measure_incidence(
         shape, dtype = _as_image(rays.shape, len(sensor)), wp.vec3
     check_shape(normals.shape, (shape[0], *rays.shape), name="normals")
     along = wp.array(rays.directions.reshape(*shape[1:], 3), dtype=dtype, device=device)
-    out = _output(out, normals.shape, "out", device)
+    out = take_out(out, wp.float32, normals.shape, device=device)
     inputs = [along, *times, normals.reshape(shape), out.reshape(shape)]
     launch_images(kernel, shape, lambda window: [sensor, window, *inputs], device=device)
     return out
@@ -163,7 +163,7 @@ def reflect(
     check_out(incidence, wp.float32, depth.shape, name="incidence", device=device)
     shares = wp.array(reflectivities(scene, reflectivity), dtype=wp.float32, device=device)
     falls_off = check_flag(falls_off, "falls_off")
-    out = _output(out, depth.shape, "out", device)
+    out = take_out(out, wp.float32, depth.shape, device=device)
     shape = _as_image(depth.shape[1:], depth.shape[0])
     images = [image.reshape(shape) for image in (depth, incidence, segmentation)]
     target = out.reshape(shape)
@@ -218,8 +218,8 @@ def gather_returns(
     if out is not None and not isinstance(out, Returns):
         raise ArrayError(f"out must be Returns, got {type(out).__name__}")
     result = Returns(
-        _output(out and out.range, shape, "out.range", depth.device),
-        _output(out and out.intensity, shape, "out.intensity", depth.device),
+        take_out(out and out.range, wp.float32, shape, name="out.range", device=depth.device),
+        take_out(out and out.intensity, wp.float32, shape, name="out.intensity", device=depth.device),
     )
     images = [image.reshape((views, height, width * count)) for image in (depth, intensity)]
     targets = [image.reshape((views, num_returns, height, width)) for image in (result.range, result.intensity)]
@@ -260,12 +260,6 @@ def require_image(views: object, name: str) -> wp.array:
     if not isinstance(image, wp.array):
         raise ArrayError(f"views must have {name}. Add it to outputs.")
     return image
-
-
-def _output(out: wp.array | None, shape: tuple[int, ...], name: str, device: wp.Device) -> wp.array:
-    if out is None:
-        return empty(shape, wp.float32, name=name, device=device)
-    return check_out(out, wp.float32, shape, name=name, device=device)
 
 
 def reflectivities(scene: Scene, reflectivity: Reflectivity) -> NDArray[np.float32]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
@@ -216,8 +215,7 @@ class Agent:
     @cached_property
     def poses(self) -> NDArray[np.float64]:
         """Poses as rows ``x y z qx qy qz qw`` of the OpenCV camera frame, shape ``(V, 7)``."""
-        pose = self.pose.numpy() if isinstance(self.pose, wp.array) else self.pose
-        pose = to_xyzw(pose, self.quaternion, f"pose of {self.name!r}")
+        pose = to_xyzw(self.pose, self.quaternion, f"pose of {self.name!r}")
         rows = parse_poses(pose, convention=self.convention, name=f"pose of {self.name!r}").numpy()
         return rows.astype(np.float64).reshape(-1, 7)
 

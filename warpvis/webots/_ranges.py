@@ -11,7 +11,6 @@ assumed to be revision 1, which corrected the range finder.
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy, check_length
@@ -199,7 +198,7 @@ def as_version(version: Version | str) -> Version:
 
 
 def _check_depth(depth: ArrayInput) -> np.ndarray:
-    images = as_numpy(depth.numpy() if isinstance(depth, wp.array) else depth, name="depth")
+    images = as_numpy(depth, name="depth")
     if images.ndim != 3:
         raise ArrayError(f"depth must have shape (V, H, W), got {images.shape}")
     bad = np.argwhere(~(images >= 0))

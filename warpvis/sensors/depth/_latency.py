@@ -97,7 +97,7 @@ class Latency:
         if views is None:
             self._count[:] = 0
             return
-        chosen = as_numpy(views.numpy() if isinstance(views, wp.array) else views, name="views")
+        chosen = as_numpy(views, name="views")
         is_mask = chosen.dtype.kind == "b" and chosen.shape == self._count.shape
         is_indices = chosen.ndim == 1 and chosen.dtype.kind in "iu"
         if not is_mask and not (is_indices and ((chosen >= 0) & (chosen < len(self._count))).all()):
@@ -133,7 +133,7 @@ def _check_delays(frames: object) -> NDArray[np.int64]:
     if is_number(frames):
         delays = np.asarray(check_whole(frames, "frames", minimum=0))
     else:
-        delays = as_numpy(frames.numpy() if isinstance(frames, wp.array) else frames, name="frames")
+        delays = as_numpy(frames, name="frames")
         if delays.ndim != 1 or delays.dtype.kind not in "iu" or (delays < 0).any():
             raise ArrayError(f"frames must be whole numbers from 0 up, one or one per view, got {frames!r}")
     if (delays > _MAX_FRAMES).any():
