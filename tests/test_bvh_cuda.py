@@ -17,7 +17,7 @@ from build_checks import Checks
 from warpvis.errors import SceneError
 from warpvis.kernels.bvh import ranges_cuda
 from warpvis.kernels.bvh.nodes_cuda import join_children
-from warpvis.scene.acceleration import bvh_cuda, joined_trees
+from warpvis.scene.acceleration import bvh_cuda, geometry
 
 import reference
 from support import bvh as bvh_checks
@@ -141,8 +141,8 @@ def test_trees_are_joined_equally_on_device_and_host(names, share, device):
     trees = [build(given, device) for given in inputs]
     before = [tree.owners.numpy().copy() for tree in trees]
     joined = SimpleNamespace()
-    joined_trees._join_on_device(joined, trees, closed, wp.get_device(device), share=share)
-    nodes, leaves = joined_trees.first_places(trees)
+    geometry._join_on_device(joined, trees, closed, wp.get_device(device), share=share)
+    nodes, leaves = geometry.first_places(trees)
     for name in ("leaves", "nodes"):
         whole = np.concatenate([getattr(tree, name).numpy() for tree in trees])
         np.testing.assert_array_equal(getattr(joined, name).numpy(), whole)
@@ -161,8 +161,8 @@ def test_moved_children_match_the_reference(device):
         if made.device.is_cpu:
             wp.launch(join_children, dim=len(made), inputs=[70, 9, made], device="cpu")
             again = wp.array(children, device="cpu")
-            joined_trees.move_children(again, 70, 9)
+            geometry.move_children(again, 70, 9)
             np.testing.assert_array_equal(again.numpy(), made.numpy())
         else:
-            joined_trees.move_children(made, 70, 9)
+            geometry.move_children(made, 70, 9)
         np.testing.assert_array_equal(made.numpy(), reference.join_children(children, 70, 9))

@@ -218,13 +218,13 @@ def test_worlds_and_excluded_objects(device):
 
 
 def test_chunked_points_match_single_pass(monkeypatch):
-    from warpvis.visibility import _lens_points
+    from warpvis.visibility import _points
 
     scene, poses, camera = desk(), cameras(), CAMERAS["z"]
     points = np.random.default_rng(6).uniform(-1, 2, (70, 3))
     whole = wv.point_visibility(scene, camera, poses, points).numpy()
     for most in (33, 150):
-        monkeypatch.setattr(_lens_points, "_MAX_BATCH", most)
+        monkeypatch.setattr(_points, "_MAX_BATCH", most)
         np.testing.assert_array_equal(wv.point_visibility(scene, camera, poses, points).numpy(), whole)
     assert wv.point_visibility(scene, camera, poses, np.empty((0, 3))).shape == (4, 0)
 

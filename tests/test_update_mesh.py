@@ -17,7 +17,7 @@ from warpvis.kernels.bvh.items_cuda import check_mesh
 from warpvis.scene import _updates, solids
 from warpvis.scene.acceleration import geometry, scene_trees, tree_cache
 from warpvis.scene.acceleration.geometry import build_scene_bvh
-from warpvis.scene.acceleration.splicing import splice_bvh
+from warpvis.scene.acceleration.scene_trees import splice_bvh
 
 import reference
 from support.refit import ALL, BALL, SMALL, assert_seen, eyes

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from warpvis.scene import lights, materials, solids
-from warpvis.scene._bounds import (
+from warpvis.scene._mesh import Mesh as Mesh, keep_winding as keep_winding
+from warpvis.scene._object import (
+    SceneObject as SceneObject,
     fits_millimeters as fits_millimeters,
     looks_like_millimeters as looks_like_millimeters,
+    take_snapshot as take_snapshot,
     too_large_for as too_large_for,
 )
-from warpvis.scene._mesh import Mesh as Mesh, keep_winding as keep_winding
-from warpvis.scene._object import SceneObject as SceneObject, take_snapshot as take_snapshot
 from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 

@@ -21,9 +21,17 @@ from warpvis.core.labels import Label, LabelInput, LabelNames, LabelPatterns, La
 from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_opencv, read_pose, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
-from warpvis.scene._bounds import bounds_of
 from warpvis.scene._mesh import Mesh, MeshCache
-from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, check_scale, detach, take_snapshot
+from warpvis.scene._object import (
+    IDENTITY,
+    ObjectList,
+    SceneObject,
+    attach,
+    bounds_of,
+    check_scale,
+    detach,
+    take_snapshot,
+)
 from warpvis.scene._parts import instance_runs
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees

@@ -31,9 +31,8 @@ from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
 from warpvis.viewer._cloud import SightLine, SightLines, SurfaceCloud
-from warpvis.viewer._mujoco import MujocoStage, as_mujoco_stage
 from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
-from warpvis.viewer._stage import Stage, check_frames, objects_in_frame
+from warpvis.viewer._stage import MujocoStage, Stage, as_mujoco_stage, check_frames, objects_in_frame
 from warpvis.viewer._tables import Row, table_rows
 from warpvis.visibility import Agent, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS

@@ -1,34 +1,54 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The live page of a scene."""
+"""The live page of a scene: a viser server that recomputes a state whenever something moves, and its export to HTML."""
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import io
 import math
 import os
 import socket
 import threading
-from collections.abc import Sequence
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from html import escape
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.cameras.frames import Frames
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import check_flag, is_whole
-from warpvis.errors import WarpvisError
+from warpvis.core.checks import as_path, check_flag, check_text, is_whole
+from warpvis.core.file_content import writing
+from warpvis.core.poses import check_up
+from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene import Scene, require_scene
-from warpvis.viewer._mujoco import as_mujoco_stage
-from warpvis.viewer._page import Page, write_page
-from warpvis.viewer._state import ViewerState
+from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode
+from warpvis.viewer._panel import Panel, describe_proposal, propose
+from warpvis.viewer._stage import as_mujoco_stage
+from warpvis.viewer._state import Snapshot, ViewerState
+from warpvis.viewer._tables import legend_html, table_html
 from warpvis.visibility import Agent
 
 if TYPE_CHECKING:
     import mujoco
     from viser import ViserServer
 
+    from warpvis.planning import Proposal
+
 _PORT = 8080
+
+_RATE_OVER = 20
+_MAX_DISTANCE, _RADIUS = 2.0, 0.2
+_BRAND = (0, 114, 178)
+
+_WIDE = 700
+"""On pages narrower than this, the panel is initially closed [px]."""
 
 
 class Viewer:
@@ -175,3 +195,190 @@ def _check_address(host: str) -> None:
             probe.bind(address)
     except (OSError, TypeError, ValueError) as error:
         raise WarpvisError(f"the viewer cannot listen on host {host!r}: {error}") from None
+
+
+class Page:
+    """All elements of a browser page for one state."""
+
+    def __init__(self, server: ViserServer, state: ViewerState, *, dark: bool = False) -> None:
+        """Create the elements and start the thread that updates them."""
+        self.server, self.state, self.dark = server, state, dark
+        self.snapshot: Snapshot | None = None
+        """The snapshot that is shown."""
+        self.updates = 0
+        """Number of updates since the start."""
+        self.proposed: Proposal | None = None
+        """Current proposal for the first agent's pose."""
+        self._times: deque[float] = deque(maxlen=_RATE_OVER)
+        self._update_event, self._updated = threading.Event(), threading.Condition()
+        self._requested, self._completed, self._closed = 0, 0, False
+        server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=_BRAND)
+        server.gui.set_panel_label("warpvis")
+        self._set_view()
+        self.meshes = Meshes(server.scene, state, dark=dark)
+        self.marks = {
+            agent.name: AgentMark(server.scene, agent, color)
+            for agent, color in zip(state.agents.values(), AGENT_COLORS, strict=False)
+        }
+        self.cloud = CloudNode(server.scene, state)
+        self.sight = SightNode(server.scene, list(state.agents))
+        self.proposal = ProposalMark(server.scene)
+        self.gizmos = Gizmos(server.scene, state, self.update)
+        shown = {"handles": self.gizmos, "meshes": self.meshes, "lines of sight": self.sight}
+        self.panel = Panel(server.gui, state, self.update, self.act, shown, self.propose, self.go_there)
+        self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
+        self._worker.start()
+        self.update(wait=True)
+
+    def update(self, *, wait: bool = False) -> None:
+        """Request an update, and optionally wait until it is shown; requests during an update are merged into one."""
+        with self._updated:
+            self._requested += 1
+            request = self._requested
+        self._update_event.set()
+        if wait:
+            with self._updated:
+                self._updated.wait_for(lambda: self._completed >= request or self._closed)
+
+    def act(self, change: Callable[[], None]) -> None:
+        """Change the state, move the handles accordingly, and update the page."""
+        change()
+        self.gizmos.follow()
+        self.update()
+
+    def propose(self) -> tuple[str, bool]:
+        """Show the proposed pose of the first agent; return its description and whether there is a proposal."""
+        assert self.snapshot is not None  # set by the constructor
+        result = propose(self.state, self.snapshot, max_distance=_MAX_DISTANCE, radius=_RADIUS)
+        self.proposed = None if isinstance(result, str) else result
+        if isinstance(result, str):
+            self.proposal.clear()
+            return result, False
+        camera = self.snapshot.agents[0].pinhole
+        assert camera is not None  # required for a proposal
+        self.proposal.show(camera, result.pose)
+        return describe_proposal(result), True
+
+    def go_there(self) -> None:
+        """Move the first agent to the proposed pose."""
+        if self.proposed is not None:
+            name, pose = next(iter(self.state.agents)), self.proposed.pose
+            self.act(lambda: self.state.move_agent(name, pose))
+            self.proposal.clear()
+            self.proposed = None
+
+    def close(self) -> None:
+        """Stop the thread that updates the page."""
+        self._closed = True
+        self._update_event.set()
+        self._worker.join()
+        with self._updated:
+            self._updated.notify_all()
+
+    def _work(self) -> None:
+        while True:
+            self._update_event.wait()
+            self._update_event.clear()
+            if self._closed:
+                return
+            with self._updated:
+                request = self._requested
+            try:
+                self._show(self.state.snapshot())
+            except Exception as error:
+                self.panel.show_message(f"{type(error).__name__}: {error}")
+            with self._updated:
+                self._completed = request
+                self._updated.notify_all()
+
+    def _show(self, snapshot: Snapshot) -> None:
+        self._times.append(time.perf_counter())
+        with self.server.atomic():
+            self.meshes.show(snapshot)
+            for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True):
+                self.marks[agent.name].show(agent, picture)
+            self.cloud.show(snapshot)
+            self.sight.show(snapshot)
+            self.panel.show(snapshot, self._rate())
+        self.snapshot = snapshot
+        self.updates += 1
+
+    def _rate(self) -> float:
+        """Return the rate of updates during motion [1/s]; 0 if unknown."""
+        recent = [later - earlier for earlier, later in zip(self._times, list(self._times)[1:], strict=False)]
+        recent = [step for step in recent if step < 1]
+        return len(recent) / sum(recent) if recent else 0.0
+
+    def _set_view(self) -> None:
+        """Set the initial view, from above and behind the first agent."""
+        scene = self.server.scene
+        vertical = check_up(self.state.scene.up)
+        scene.set_up_direction("+z" if vertical == 2 else "+y")
+        ground = self.state.scene.ground_labels
+        boxes = [item.bounds for item in self.state.scene.objects if item.label not in ground]
+        corners = np.concatenate(boxes or [self.state.scene.bounds]).astype(np.float64)
+        eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
+        corners = np.concatenate([corners, np.array(eyes)])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        center = (low + high) / 2
+        center[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
+        reach = max(float(np.linalg.norm(high - low)), 0.1)
+        behind = eyes[0] - center
+        behind[vertical] = 0
+        behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
+        sideways = np.cross(np.eye(3)[vertical], behind)
+        direction = 0.5 * behind + 0.5 * sideways + 0.65 * np.eye(3)[vertical]
+        self.server.initial_camera.position = center + 1.35 * reach * direction / np.linalg.norm(direction)
+        self.server.initial_camera.look_at = center + 0.08 * reach * (sideways - behind)  # the panel is on the right
+        self.server.initial_camera.fov = np.radians(50)
+
+
+def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
+    """Write the current page to a file, without handles, which have no effect there."""
+    check_text(title, "title")
+    file = as_path(path)
+    assert page.snapshot is not None  # set by the constructor of `Page`
+    shown = page.gizmos.visible
+    page.gizmos.visible = False
+    try:
+        document = page.server.scene.as_html(dark_mode=page.dark)
+    finally:
+        page.gizmos.visible = shown
+    if "</body>" not in document or "<head>" not in document:
+        raise FileFormatError(f"{file}: the page exported by this version of viser has no <head> or <body>")
+    head, _, tail = document.rpartition("</body>")
+    document = f"{head}{_panel(page.snapshot, title, page.dark)}</body>{tail}"
+    document = document.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
+    with writing(file):
+        file.write_text(document, encoding="utf-8")
+
+
+def _panel(snapshot: Snapshot, title: str, dark: bool) -> str:
+    """Return the HTML of a collapsible panel with the table and the images, at the page's right border."""
+    paper, ink = ("#1b1b1b", "#ddd") if dark else ("#fff", "#111")
+    images = "".join(
+        f'<figure style="margin:0.6em"><figcaption style="font-size:0.8em">{escape(agent.name)} sees</figcaption>'
+        f'<img alt="what {escape(agent.name)} sees" style="width:100%" src="{_data_url(picture)}"></figure>'
+        for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True)
+    )
+    style = (
+        f"position:fixed;top:0.5em;right:0.5em;width:min(20em,85vw);max-height:calc(100vh - 1em);overflow:auto;"
+        f"background:{paper};color:{ink};border-radius:0.4em;box-shadow:0 0 0.6em rgba(0,0,0,0.3);z-index:1000;"
+        f"font-family:system-ui,sans-serif"
+    )
+    summary = f'<summary style="padding:0.5em 0.6em;font-weight:600;cursor:pointer">{escape(title)}</summary>'
+    names = [agent.name for agent in snapshot.agents]
+    table, legend = table_html(snapshot.rows, names), legend_html(names)
+    closing = f"if(innerWidth<{_WIDE})document.getElementById('warpvis').open=false"
+    return (
+        f'<details id="warpvis" open style="{style}">{summary}{table}{legend}{images}</details>'
+        f"<script>{closing}</script>"
+    )
+
+
+def _data_url(picture: NDArray[np.uint8]) -> str:
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(picture).save(data, "PNG", optimize=True)
+    return f"data:image/png;base64,{base64.b64encode(data.getvalue()).decode()}"

@@ -21,9 +21,8 @@ from warpvis.core.poses import QuaternionOrder, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
-from warpvis.visibility._agents import Agent
+from warpvis.visibility._agents import Agent, Situations
 from warpvis.visibility._objects import ObjectVisibility, choose_objects, see_objects
-from warpvis.visibility._situations import Situations
 
 _COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
 

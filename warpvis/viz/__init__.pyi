@@ -3,13 +3,14 @@
 # The public names of warpvis.viz and their modules; `lazy_loader` reads this file.
 
 from ._agent_views import STATE_COLORS as STATE_COLORS
-from ._figures import save_labels as save_labels, save_map as save_map
-from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
-from ._perspective import save_perspective as save_perspective
-from ._previews import (
+from ._figures import (
     depth_colors as depth_colors,
     save_contact_sheet as save_contact_sheet,
+    save_labels as save_labels,
+    save_map as save_map,
     save_preview as save_preview,
 )
+from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
+from ._perspective import save_perspective as save_perspective
 from ._sensor_fits import save_sensor_fit as save_sensor_fit
 from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings
