@@ -140,12 +140,17 @@ def take_snapshot(item: SceneObject) -> SceneObject:
     return replace(item, mesh=Mesh(item.mesh.rounded, item.faces), world=item.vertices)
 
 
-def detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool = False) -> SceneObject:
-    """Return the object as a movable one that is detached from all others.
+def detach_all(objects: Sequence[SceneObject], instances: NDArray[np.int32]) -> list[SceneObject]:
+    """Return the objects as movable ones that are detached from all others; `instances` share meshes.
 
     A static object then has its vertices in the world's frame, and the identity for a pose; an instance has its shared
     mesh and its pose.
     """
+    items, shared = [take_snapshot(item) for item in objects], set(instances.tolist())
+    return [_detach(item, items, is_instance=index in shared) for index, item in enumerate(items)]
+
+
+def _detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: bool) -> SceneObject:
     if item.parent is not None:
         return replace(item, pose=objects[item.parent].pose, parent=None)
     if item.pose is not None:
@@ -310,6 +315,16 @@ class ObjectList(Sequence[SceneObject]):
             raise SceneError(
                 f"object {item.name!r} is rigidly attached to {names}, so its {consequence}; do not attach them"
             )
+
+    def require_deformable(self, index: int) -> None:
+        """Raise a `SceneError` unless the vertices of an object can be updated."""
+        item = self[index]
+        if not item.movable:
+            raise SceneError(
+                f"object {item.name!r} is not movable, so its vertices cannot be updated; add it with movable=True"
+            )
+        if item.points is None:  # nothing can be attached to an object that already deforms
+            self.require_detached(index, "vertices cannot be updated")
 
     def __len__(self) -> int:
         return len(self._items)

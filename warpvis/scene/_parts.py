@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, truncate
-from warpvis.core.labels import Label, LabelPatterns, LabelRules
+from warpvis.core.labels import Label, LabelNames, LabelPatterns, LabelRules
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
 from warpvis.errors import SceneError
 from warpvis.scene._mesh import placed_at
@@ -227,3 +227,12 @@ def _instance_key(part: Part) -> object:
         return id(part)
     vertices, faces = part.mesh
     return id(vertices), id(faces), np.shape(part.pose), part.label, part.movable, id(part.appearance)
+
+
+def label_metadata(names: LabelNames, label: int, *, is_ground: bool) -> dict[str, int | str | bool]:
+    """Return the metadata from which readers restore the label of a mesh, with ``ground`` if not the default."""
+    number, word = names.number(label), names.word(label)
+    flags: dict[str, int | str | bool] = {} if is_ground == (number == Label.GROUND) else {"ground": is_ground}
+    if isinstance(number, Label) and word == number.name:
+        return {"label": word, **flags}
+    return {"label": int(number), **({"label_name": word} if number in names else {}), **flags}

@@ -21,25 +21,16 @@ from warpvis.core.labels import Label, LabelInput, LabelNames, LabelPatterns, La
 from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_opencv, read_pose, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
 from warpvis.errors import FileFormatError, SceneError, WarpvisError
-from warpvis.scene._mesh import Mesh, MeshCache
-from warpvis.scene._object import (
-    IDENTITY,
-    ObjectList,
-    SceneObject,
-    attach,
-    bounds_of,
-    check_scale,
-    detach,
-    take_snapshot,
-)
-from warpvis.scene._parts import instance_runs
+from warpvis.scene._mesh import MeshCache
+from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, bounds_of, detach_all, take_snapshot
+from warpvis.scene._parts import instance_runs, label_metadata
+from warpvis.scene._updates import as_deforming, parse_vertices, place_object, read_mesh, with_mesh
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees
 from warpvis.scene.acceleration.traversal_plan import plan_traversal
-from warpvis.scene.appearances import LazyAppearance, choose_appearance
+from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import AppearanceLike
-from warpvis.scene.solids import Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -93,12 +84,7 @@ class Scene:
         self._lock = Lock()
         self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
         # Data derived from the objects, until these change.
-        self._tuple: tuple[SceneObject, ...] | None = None
-        self._columns: tuple[int, ...] | None = None
-        self._device_materials: tuple[DeviceMaterials, bool] | None = None
-        self._sizes: wp.array | None = None
-        self._poses: wp.array | None = None
-        self._isolated: Scene | None = None
+        self._derived: dict[str, Any] = {}
 
     @classmethod
     def load(
@@ -201,34 +187,13 @@ class Scene:
         """
         name = self._objects.new_name(name)
         movable = check_flag(movable, "movable", SceneError)
-        factors = check_scale(scale, name)
-        shared = self._meshes.get(mesh, factors, name)
+        shared, solid, shown = read_mesh(self._meshes, mesh, scale, name, appearance)
         check_quaternion(quaternion)
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
-        lazy_appearance = choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
         parent = None if attach_to is None else self.index(attach_to)
-        place = IDENTITY if row is None else row
-        if movable and parent is None:
-            start = place.astype(np.float32)
-            shared.check_reach(start[None], name)
-            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            item = SceneObject(name, number, shared.single, start, solid=solid, lazy_appearance=lazy_appearance)
-        elif parent is None and shared.uses:
-            shared.check_reach(place[None], name)
-            item = SceneObject(name, number, shared, origin=row, shares_mesh=True, lazy_appearance=lazy_appearance)
-        else:
-            shared.check_reach(place[None], name)
-            placed = shared.placed(row)
-            world = vertices = placed.astype(np.float32)
-            if parent is not None:
-                vertices = attach(name, placed, self._objects[parent], is_solid=isinstance(mesh, Solid))
-            joined = Mesh(vertices, shared.faces)
-            item = SceneObject(
-                name, number, joined, parent=parent, origin=row, lazy_appearance=lazy_appearance, world=world
-            )
-        shared.uses += parent is None and not movable
-        self._objects.append(item)
+        item = SceneObject(name, number, shared, origin=row, solid=solid, parent=parent, lazy_appearance=shown)
+        self._objects.append(place_object(item, self._objects, movable=movable))
         self._forget()
         return len(self._objects) - 1
 
@@ -270,16 +235,13 @@ class Scene:
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
         chosen = self._objects.new_names(names, len(rows))
         subject = chosen[0] if chosen else "instances"
-        factors = check_scale(scale, subject)
-        shared = self._meshes.get(mesh, factors, subject)
+        shared, solid, shown = read_mesh(self._meshes, mesh, scale, subject, appearance)
         shared.check_reach(rows, subject)
         number = self._label_names.number(label)
-        lazy_appearance = choose_appearance(appearance, mesh, subject, (len(shared.vertices), len(shared.faces)))
         if movable:
-            solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-            item = SceneObject("", number, shared.single, IDENTITY, solid=solid, lazy_appearance=lazy_appearance)
+            item = SceneObject("", number, shared.single, IDENTITY, solid=solid, lazy_appearance=shown)
         else:
-            item = SceneObject("", number, shared, shares_mesh=True, lazy_appearance=lazy_appearance)
+            item = SceneObject("", number, shared, shares_mesh=True, lazy_appearance=shown)
             shared.uses += len(rows)
         indices = self._objects.add_instances(chosen, rows, item)
         self._forget()
@@ -341,17 +303,9 @@ class Scene:
         Raises:
             SceneError: If there is no such object, it is not movable, or the vertices are malformed.
         """
-        from warpvis.scene._updates import as_deforming, parse_vertices
-
         index = self.index(name)
-        item = self._objects[index]
-        if not item.movable:
-            raise SceneError(
-                f"object {name!r} is not movable, so its vertices cannot be updated; add it with movable=True"
-            )
-        if item.points is None:  # nothing can be attached to an object that already deforms
-            self._objects.require_detached(index, "vertices cannot be updated")
-        parsed = parse_vertices(vertices, item, self.device)
+        self._objects.require_deformable(index)
+        parsed = parse_vertices(vertices, self._objects[index], self.device)
         with self._lock:
             item = self._objects[index]
             if item.points is None:
@@ -389,15 +343,13 @@ class Scene:
         Raises:
             SceneError: If there is no such object, it is rigidly attached to others, or the mesh is empty or malformed.
         """
-        from warpvis.scene._updates import with_mesh
-
         index = self.index(name)
         closed = check_flag(closed, "closed", SceneError)
         self._objects.require_detached(index, "mesh cannot be updated")
         item = with_mesh(self._objects[index], vertices, faces, self.device)
         with self._lock:
             self._trees.exchange(self._objects, index, item, closed=closed)
-            self._forget_data()
+            self._derived = {}
 
     def replace_objects(self, objects: Sequence[SceneObject]) -> None:
         """Replace all objects of the scene, in this order; parents are indices into `objects`.
@@ -412,16 +364,12 @@ class Scene:
     @property
     def objects(self) -> tuple[SceneObject, ...]:
         """The objects; values of the object image are indices into this."""
-        if self._tuple is None:
-            self._tuple = tuple(self._objects)
-        return self._tuple
+        return self._derived.get("objects") or self._derived.setdefault("objects", tuple(self._objects))
 
     @property
     def movable(self) -> tuple[int, ...]:
         """Indices of the movable objects with separate poses: the columns of `object_poses`."""
-        if self._columns is None:
-            self._columns = tuple(self._objects.movable)
-        return self._columns
+        return self._derived.get("movable") or self._derived.setdefault("movable", tuple(self._objects.movable))
 
     @property
     def label_names(self) -> LabelNames:
@@ -548,15 +496,13 @@ class Scene:
         vertices in the world and the identity for a pose; if it shares a tree, its mesh's frame and its pose.
         """
         with self._lock:
-            if self._isolated is None:
-                items = [take_snapshot(item) for item in self.require_objects()]
-                instances = set(plan_traversal(self._objects, self.device).instances.tolist())
-                detached = (detach(item, items, is_instance=index in instances) for index, item in enumerate(items))
-                isolated = self._copy(detached, self.device)
-                if any(item.points is not None for item in self._objects):
-                    return isolated  # not cached: a replayed CUDA graph may deform objects without notice
-                self._isolated = isolated
-            return self._isolated
+            if "isolated" in self._derived:
+                return self._derived["isolated"]
+            instances = plan_traversal(self.require_objects(), self.device).instances
+            isolated = self._copy(detach_all(self._objects, instances), self.device)
+            if all(item.points is None for item in self._objects):  # else a replayed CUDA graph may deform them
+                self._derived["isolated"] = isolated
+            return isolated
 
     def to_trimesh(self) -> trimesh.Scene:
         """Return a `trimesh.Scene` of the objects in the same frame, with names, and labels in the meshes' metadata.
@@ -567,7 +513,7 @@ class Scene:
 
         scene = trimesh.Scene()
         for item in self._objects:
-            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata=self._metadata(item.label))
+            mesh = trimesh.Trimesh(item.vertices, item.faces, process=False, metadata=self._metadata(item))
             scene.add_geometry(mesh, node_name=item.name, geom_name=item.name)
         return scene
 
@@ -585,16 +531,11 @@ class Scene:
         from warpvis.io import export_scene
 
         objects = self.require_objects()
-        export_scene(path, objects, (self._metadata(item.label) for item in objects), self.up)
+        export_scene(path, objects, map(self._metadata, objects), self.up)
 
-    def _metadata(self, label: int) -> dict[str, int | str | bool]:
-        """Return the metadata from which `load` restores a mesh's label, with ``ground`` if not the default."""
-        number, word = self._label_names.number(label), self._label_names.word(label)
-        ground = number in self._ground_labels
-        flags: dict[str, int | str | bool] = {} if ground == (number == Label.GROUND) else {"ground": ground}
-        if isinstance(number, Label) and word == number.name:
-            return {"label": word, **flags}
-        return {"label": int(number), **({"label_name": word} if number in self._label_names else {}), **flags}
+    def _metadata(self, item: SceneObject) -> dict[str, int | str | bool]:
+        """Return the metadata from which `load` restores the label of an object's mesh."""
+        return label_metadata(self._label_names, item.label, is_ground=item.label in self._ground_labels)
 
     def triangles(self, *, faces: bool = False) -> Triangles:
         """Return the triangles and Warp's trees of them, built on first use after a change.
@@ -621,10 +562,11 @@ class Scene:
 
         objects, movable = self.objects, self.movable
         with self._lock:
-            if self._device_materials is None or self._device_materials[1]:
-                self._device_materials = pack_materials(objects, movable, self.device)
-            set_background(self._device_materials[0], background)
-            return self._device_materials[0]
+            materials, deforms = self._derived.get("materials", (None, True))
+            if deforms:
+                materials, deforms = self._derived["materials"] = pack_materials(objects, movable, self.device)
+            set_background(materials, background)
+            return materials
 
     def device_lights(self, lights: tuple[Light, ...]) -> Lights:
         """Return the lights on the device, created on first use after they were changed."""
@@ -642,33 +584,27 @@ class Scene:
     def movable_sizes(self) -> wp.array:
         """Return the initial solid sizes of the movable objects on the device, shape ``(M,)`` vec4."""
         with self._lock:
-            if self._sizes is None:
+            if "sizes" not in self._derived:
                 sizes = plan_traversal(self._objects, self.device).solid_sizes[: len(self._objects.movable)]
-                self._sizes = wp.array(sizes, dtype=wp.vec4, device=self.device)
-            return self._sizes
+                self._derived["sizes"] = wp.array(sizes, dtype=wp.vec4, device=self.device)
+            return self._derived["sizes"]
 
     def movable_poses(self, worlds: int = 1) -> wp.array:
-        """Return the initial poses of the movable objects on the device, shape ``(worlds, M)``.
-
-        Poses of a single world are cached.
-        """
+        """Return the initial poses of the movable objects on the device, shape ``(worlds, M)``; one world is cached."""
         with self._lock:
-            if worlds == 1 and self._poses is not None:
-                return self._poses
+            if worlds == 1 and "poses" in self._derived:
+                return self._derived["poses"]
             rows = plan_traversal(self._objects, self.device).movable_poses
             repeated = np.repeat(rows[None], worlds, axis=0)
             poses = wp.array(repeated, dtype=wp.transform, shape=repeated.shape[:2], device=self.device)
             if worlds == 1:
-                self._poses = poses
+                self._derived["poses"] = poses
             return poses
 
     def _forget(self, *, cache_next: bool = False) -> None:
         """Drop the trees and all other data derived from the objects, since they have changed."""
         self._trees.forget(cache_next=cache_next)
-        self._forget_data()
-
-    def _forget_data(self) -> None:
-        self._tuple = self._columns = self._device_materials = self._sizes = self._poses = self._isolated = None
+        self._derived = {}
 
 
 def require_scene(scene: object) -> Scene:

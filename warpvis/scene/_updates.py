@@ -1,18 +1,58 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""New vertices of an object, for `Scene.update_vertices`, or a new mesh, for `Scene.update_mesh`."""
+"""New objects, for `Scene.add`; new vertices, for `Scene.update_vertices`; new meshes, for `Scene.update_mesh`."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from warpvis.core.arrays import FARTHEST, as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
-from warpvis.core.types import ArrayInput
+from warpvis.core.types import ArrayInput, MeshLike
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene._mesh import Mesh, check_indices, check_mesh, check_values
-from warpvis.scene._object import SceneObject
+from warpvis.scene._mesh import Mesh, MeshCache, check_indices, check_mesh, check_values
+from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, check_scale
+from warpvis.scene.appearances import LazyAppearance, choose_appearance
+from warpvis.scene.materials import AppearanceLike
+from warpvis.scene.solids import Solid
+
+
+def read_mesh(
+    meshes: MeshCache,
+    mesh: MeshLike,
+    scale: float | ArrayLike,
+    name: str,
+    appearance: AppearanceLike | LazyAppearance | None,
+) -> tuple[Mesh, Solid | None, LazyAppearance | None]:
+    """Check a mesh given to a scene, and return it scaled: its triangles, its round solid and its appearance."""
+    factors = check_scale(scale, name)
+    shared = meshes.get(mesh, factors, name)
+    solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
+    return shared, solid, choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
+
+
+def place_object(item: SceneObject, objects: ObjectList, *, movable: bool) -> SceneObject:
+    """Return a new object as a scene stores it; `item` has its mesh's frame, and its pose as `origin`."""
+    name, shared, row = item.name, item.mesh, item.origin
+    place = IDENTITY if row is None else row
+    if movable and item.parent is None:
+        start = place.astype(np.float32)
+        shared.check_reach(start[None], name)
+        return replace(item, mesh=shared.single, pose=start, origin=None)
+    shared.check_reach(place[None], name)
+    if item.parent is None and shared.uses:
+        shared.uses += 1
+        return replace(item, shares_mesh=True, solid=None)
+    placed = shared.placed(row)
+    world = vertices = placed.astype(np.float32)
+    if item.parent is not None:
+        vertices = attach(name, placed, objects[item.parent], is_solid=item.solid is not None)
+    shared.uses += item.parent is None and not movable
+    return replace(item, mesh=Mesh(vertices, shared.faces), solid=None, world=world)
 
 
 def as_deforming(item: SceneObject, device: wp.Device) -> SceneObject:
@@ -42,14 +82,7 @@ def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -
 
 
 def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None, device: wp.Device) -> SceneObject:
-    """Return the object with another mesh, in its own frame if it is movable, else in the world's.
-
-    Args:
-        item: The object; neither attached to another one nor the parent of others.
-        vertices: Corners [m], shape ``(n, 3)``.
-        faces: Corner indices of the triangles, shape ``(m, 3)``; None for the object's present faces.
-        device: The scene's device.
-    """
+    """Return a detached object with another mesh, in its own frame if it is movable, else in the world's."""
     name, appearance = item.name, item.lazy_appearance
     new_faces = item.faces if faces is None else faces
     if item.pose is not None and on_gpu(vertices) and on_gpu(new_faces):
