@@ -178,7 +178,7 @@ def best_views(
         Order and scores of the candidates; candidates without room or path are not in the order.
 
     Raises:
-        WarpvisError: If an argument is invalid, or all candidates are rejected.
+        ArrayError: If all candidates are rejected.
     """
     candidates = to_xyzw(candidates, quaternion, "candidates")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")

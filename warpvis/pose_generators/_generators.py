@@ -237,7 +237,7 @@ def along(
         Poses, shape ``(count, 7)``.
 
     Raises:
-        WarpvisError: If an argument is invalid, the path has zero length, or a camera is at the point that it looks at.
+        WarpvisError: If the path has zero length, or a camera is at the point that it looks at.
     """
     vertical, count = check_up(up), _check_count(count)
     points = as_numpy(path, name="path").astype(np.float64)

@@ -32,15 +32,7 @@ _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
 def pack_materials(
     objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device
 ) -> tuple[DeviceMaterials, bool]:
-    """Copy the appearances of all objects to a device, and decode the images of textures.
-
-    Returns the tables, and whether they depend on vertices that deform.
-
-    Args:
-        objects: Objects of a scene.
-        movable: Indices of the objects that have a pose in every world.
-        device: Device of the tables.
-    """
+    """Copy all appearances to a device; return the tables, and whether they depend on deforming vertices."""
     packing = _Packing(objects, movable, device)
     return packing.struct(), packing.deforms
 
@@ -184,13 +176,10 @@ class _Packing:
 
 
 def mip_levels(image: NDArray[np.uint8], sides: int = 1) -> list[NDArray[np.uint8]]:
-    """Return the mip levels of an image, finest first, down to one texel (or one texel per cube side below each other).
+    """Return the mip levels of an image, ``(h, w, 4)`` each: down to one texel, or one per cube side below each other.
 
     A texel is the rounded mean of the four texels it covers. The last row or column of an odd size is dropped, as
     OpenGL drivers do.
-
-    Returns:
-        Arrays of shape ``(h, w, 4)``.
     """
     if image.shape[2] == 3:
         image = np.concatenate([image, np.full((*image.shape[:2], 1), 255, dtype=np.uint8)], axis=2)

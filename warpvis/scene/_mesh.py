@@ -102,12 +102,7 @@ def placed_at(vertices: np.ndarray, pose: np.ndarray) -> NDArray[np.float64]:
 
 
 def keep_winding(faces: np.ndarray, linear: NDArray[np.float64]) -> np.ndarray:
-    """Reverse the winding of triangles if a linear transform mirrors them, so that front faces stay front faces.
-
-    Args:
-        faces: Corner indices, shape ``(m, 3)``.
-        linear: Linear part of the transform, shape ``(3, 3)``.
-    """
+    """Reverse triangles, ``(m, 3)``, if a linear transform, ``(3, 3)``, mirrors them: front faces stay front faces."""
     return faces[:, ::-1] if np.linalg.det(linear) < 0 else faces
 
 

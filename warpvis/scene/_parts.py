@@ -110,13 +110,7 @@ class FileParts:
     ) -> list[Part]:
         """Return the parts as a scene has them, up to `scale`: labeled, rotated upright, and movable as specified.
 
-        Args:
-            scene_up: The scene's vertical axis, to which geometry is rotated.
-            file_up: The file's vertical axis; by default as defined in the file, else the scene's.
-            scale: Factor from the file's unit to meters.
-            labels: Labels given by the user.
-            movable: Whether parts that the file defines as movable are; or names and patterns of movable parts, each
-                moving independently.
+        Arguments as for `Scene.load`; the `movable` parts of a file that names none move independently.
         """
         if not self.parts:
             left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)

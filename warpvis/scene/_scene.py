@@ -65,9 +65,6 @@ class Scene:
             label_names: Names of user-defined classes, by their numbers from 0 to 255: ``{40: "road"}``. They extend or
                 override those of `Label`.
             ground_labels: Classes that are ground; see `ground_labels`.
-
-        Raises:
-            SceneError: If a number, a name or a class is invalid, or two numbers have the same name.
         """
         check_up(up)
         self.device = get_device(device)
@@ -181,9 +178,7 @@ class Scene:
             The object's index, which is the value of its pixels in the object image.
 
         Raises:
-            SceneError: If the mesh is empty or malformed, the name is taken, the object cannot be attached to
-                `attach_to`, or the appearance does not fit the mesh.
-            PoseError: If the pose is invalid.
+            SceneError: If the mesh is empty or malformed, the name is taken, or the object cannot be attached.
         """
         name = self._objects.new_name(name)
         movable = check_flag(movable, "movable", SceneError)
@@ -226,10 +221,6 @@ class Scene:
 
         Returns:
             The objects' indices, in the order of the poses.
-
-        Raises:
-            SceneError: If the mesh is empty or malformed, a name is taken, or the appearance does not fit the mesh.
-            PoseError: If the poses are invalid.
         """
         movable = check_flag(movable, "movable", SceneError)
         rows = poses_to_opencv(to_xyzw(poses, quaternion, "poses"), name="poses")
@@ -248,12 +239,7 @@ class Scene:
         return indices
 
     def add_parts(self, found: FileParts, rules: LabelRules, **options: Any) -> None:
-        """Add the parts of a file, labeled by rules; options as for `FileParts.objects`.
-
-        Raises:
-            FileFormatError: If a part is an invalid mesh: vertices are not finite, or face indices are out of range.
-            SceneError: If an option does not apply to the file.
-        """
+        """Add the parts of a file, labeled by rules; options as for `FileParts.objects`."""
         self.use_labels(found.classes.followed_by(rules))
         parts = found.objects(self.up, labels=LabelPatterns(rules.labels, self._label_names), **options)
         scale = options.get("scale", 1.0)
@@ -272,11 +258,7 @@ class Scene:
                 raise FileFormatError(f"{found.path}: {describe_exception(error)}") from None
 
     def index(self, name: str) -> int:
-        """Return the index of the object with the given name.
-
-        Raises:
-            SceneError: If the scene has no object with this name.
-        """
+        """Return the index of the object with the given name."""
         return self._objects.index_of(name)
 
     def update_vertices(self, name: str, vertices: ArrayInput) -> None:
@@ -299,9 +281,6 @@ class Scene:
             vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: a host array or one on
                 the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
                 applied again.
-
-        Raises:
-            SceneError: If there is no such object, it is not movable, or the vertices are malformed.
         """
         index = self.index(name)
         self._objects.require_deformable(index)
@@ -339,9 +318,6 @@ class Scene:
             closed: Whether the mesh is known to be closed, with all normals outwards, so that its back faces can be
                 culled where it is seen from outside of its box, which renders faster. `add` checks this itself, which
                 takes longer than building a tree.
-
-        Raises:
-            SceneError: If there is no such object, it is rigidly attached to others, or the mesh is empty or malformed.
         """
         index = self.index(name)
         closed = check_flag(closed, "closed", SceneError)

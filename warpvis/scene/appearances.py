@@ -71,14 +71,9 @@ def choose_appearance(
     *,
     color_space: ColorSpace | None = None,
 ) -> LazyAppearance | None:
-    """Return the appearance given to `Scene.add`, or else that of the mesh.
+    """Return the appearance given to `Scene.add`, or else that of the mesh of ``(vertices, faces)`` `counts`.
 
-    Args:
-        appearance: The user's appearance; None for the mesh's.
-        mesh: The mesh, which may have a `visual` like trimesh's.
-        name: Name of the object.
-        counts: Numbers of vertices and faces.
-        color_space: Color space of the mesh's materials; by default linear for a PBRMaterial, else sRGB.
+    `color_space` is that of the mesh's materials; by default linear for a PBRMaterial, else sRGB.
     """
     if isinstance(appearance, LazyAppearance):
         return appearance

@@ -28,15 +28,7 @@ def as_numbers(value: ArrayLike, message: str) -> np.ndarray:
 def check_color(
     color: ArrayLike, subject: str, lengths: tuple[int, ...], *, maximum: float = 1.0, alternatives: str = ""
 ) -> tuple[Any, ...]:
-    """Return a color as numbers; the fourth is 1 where it is optional and not given.
-
-    Args:
-        color: The color.
-        subject: Name of the argument, for messages.
-        lengths: Allowed numbers of components.
-        maximum: Maximum of each component; infinity for any finite number.
-        alternatives: Alternatives to a color, for messages.
-    """
+    """Return a color of one of the `lengths` as numbers; the fourth is 1 where it is optional and not given."""
     count = " or ".join(_COUNTS[length] for length in lengths)
     limit = "from 0 to 1" if maximum == 1 else "of at least 0"
     message = f"{subject} must be {alternatives}{count} numbers {limit}, got {shown(color)}"

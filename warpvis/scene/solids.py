@@ -84,12 +84,7 @@ class Solid:
 
 
 def largest_error(mesh_tolerance: float, radius: float) -> float:
-    """Return the maximum distance between the triangles of a round shape and its true surface [m].
-
-    Args:
-        mesh_tolerance: The tolerance [m].
-        radius: The shape's radius, or an ellipsoid's longest half axis [m].
-    """
+    """Return the maximum distance of triangles from a round shape with this largest radius [m]."""
     return max(mesh_tolerance, RELATIVE_MESH_TOLERANCE * radius)
 
 
@@ -100,9 +95,6 @@ def sphere(radius: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> 
         radius: Its radius [m].
         mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
             more.
-
-    Raises:
-        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a sphere")
     return ellipsoid((radius, radius, radius), mesh_tolerance=mesh_tolerance)
@@ -115,9 +107,6 @@ def ellipsoid(half_axes: ArrayLike, *, mesh_tolerance: float = DEFAULT_MESH_TOLE
         half_axes: Its half axes along x, y and z [m].
         mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the longest half axis if
             that is more.
-
-    Raises:
-        SceneError: If a size or the tolerance is not a positive number.
     """
     half_axes = as_point(half_axes, "half_axes of an ellipsoid", SceneError)
     _check_size(float(half_axes.min()), "each of half_axes of an ellipsoid")
@@ -135,9 +124,6 @@ def capsule(radius: float, half_length: float, *, mesh_tolerance: float = DEFAUL
         half_length: Half the length of the cylinder between the half balls [m].
         mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
             more.
-
-    Raises:
-        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a capsule")
     half_length = _check_size(half_length, "half_length of a capsule")
@@ -158,9 +144,6 @@ def cylinder(radius: float, half_length: float, *, mesh_tolerance: float = DEFAU
         half_length: Half its length [m].
         mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
             more.
-
-    Raises:
-        SceneError: If a size or the tolerance is not a positive number.
     """
     radius = _check_size(radius, "radius of a cylinder")
     half_length = _check_size(half_length, "half_length of a cylinder")
@@ -196,10 +179,7 @@ def _revolve(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return the surface of revolution about z of a profile that starts and ends on the axis, from bottom to top.
 
-    Args:
-        ring: Distance of the profile's points from the axis, shape ``(k,)``; the first and the last count as 0.
-        height: Their z, shape ``(k,)``.
-        slices: Number of steps of a revolution.
+    `ring` is the distance of the profile's points from the axis, ``(k,)``, of which the first and the last count as 0.
     """
     angles = 2 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)

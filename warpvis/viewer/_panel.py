@@ -250,8 +250,7 @@ class Panel:
 def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radius: float) -> Proposal | str:
     """Propose a pose of the first agent, within `max_distance` [m], to see objects that only the second one sees.
 
-    Returns:
-        The proposal, or the reason why there is none.
+    If there is none, return the reason.
     """
     if len(snapshot.agents) < 2:
         return "There is no second agent."

@@ -71,7 +71,7 @@ class Viewer:
             dark: Whether the page is dark.
 
         Raises:
-            WarpvisError: If viser is missing, or an argument is invalid.
+            WarpvisError: If viser is missing.
         """
         if not isinstance(state, ViewerState):
             raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
@@ -151,7 +151,7 @@ def view(
         The page, which is served until `Viewer.close` or the end of the program.
 
     Raises:
-        WarpvisError: If viser is missing, or an argument is invalid.
+        WarpvisError: If viser is missing.
     """
     if agents is not None and camera is not None:
         raise WarpvisError("camera must be None if agents are given, since agents have cameras")

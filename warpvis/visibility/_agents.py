@@ -304,12 +304,7 @@ class Situations:
     def parse(
         cls, scene: Scene, agents: Sequence[Agent], object_poses: ObjectPoses, world_index: ArrayInput | None
     ) -> Situations:
-        """Combine agents' poses and worlds to situations: each has one for all situations, or one for each.
-
-        Raises:
-            ArrayError: If the numbers of poses and worlds do not match.
-            PoseError: If the poses of the objects are malformed.
-        """
+        """Combine agents' poses and worlds to situations: each has one for all situations, or one for each."""
         counts = {f"{agent.name!r} has {pluralize(len(agent.poses), 'pose')}": len(agent.poses) for agent in agents}
         if world_index is None:
             # Parse for a single view, since the number of situations is not yet known.

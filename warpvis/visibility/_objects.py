@@ -127,9 +127,6 @@ def object_visibility(
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
         threads: CPU threads to use; all cores of this process by default.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     found = see_objects(
         scene,
@@ -248,11 +245,7 @@ def _warn_of_blindness(
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:
-    """Return the indices of objects given by name or index; all for None.
-
-    Raises:
-        SceneError: If an object does not exist or is given twice, or no object is given.
-    """
+    """Return the indices of distinct objects given by name or index; all for None."""
     if objects is None:
         return list(range(len(scene)))
     items = as_items(objects, "objects", SceneError)

@@ -104,11 +104,7 @@ class Perspective:
         return self.status == Visibility.VISIBLE
 
     def states(self, first: str, second: str) -> NDArray[np.uint8]:
-        """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
-
-        Raises:
-            SceneError: If there is no agent with one of the names.
-        """
+        """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body."""
         seen = self.visible
         return (State.FIRST * seen[self._agent(first)] + State.SECOND * seen[self._agent(second)]).astype(np.uint8)
 
@@ -130,9 +126,6 @@ class Perspective:
             robot: Name of a robot, for `Candidate.state` and `Candidate.robot_fraction`.
             view: Index of the situation.
             labels: Labels of the objects to include, numbers or names; None for all.
-
-        Raises:
-            WarpvisError: If an agent, the view or a label does not exist.
         """
         person, view = self._agent(human), self._view(view)
         included = set(self.labels) if labels is None else self.label_names.numbers(labels)
@@ -286,11 +279,6 @@ def perspective(
         world_index: World of each situation, as for `Renderer.render`. By default, all situations share the only world,
             or each of V situations has one of V worlds.
         threads: CPU threads to use; all cores of this process by default.
-
-    Raises:
-        SceneError: If two agents have the same name, or an object is not in the scene.
-        ArrayError: If the numbers of poses and worlds do not match, or a threshold is invalid.
-        PoseError: If the poses of the objects are malformed.
     """
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     agents = _check_agents(scene, agents)

@@ -82,18 +82,9 @@ def judge_by_packets(
     occluders: wp.array | None,
     threads: int,
 ) -> None:
-    """Write the status of every point in every view and, unless `occluders` is None, the object that hides it.
+    """Write the status of every point in every view, ``(V, N)``, and if `occluders` is given, the object that hides it.
 
-    Args:
-        scene: A scene on the CPU.
-        camera: The camera with its depth range.
-        poses: Rows ``(V, 7)`` from `warpvis.core.poses.host_poses`.
-        worlds: Worlds from `warpvis.scene.worlds.parse_worlds`.
-        points: Finite points, vec3 of shape ``(N,)``.
-        tolerance: Maximum distance of a visible point behind the first surface [m], not negative.
-        status: Output `Visibility` values, ``(V, N)`` uint8.
-        occluders: Output object indices, ``(V, N)`` int32, or None.
-        threads: CPU threads to use.
+    The scene is on the CPU; `poses` are rows of `host_poses`, and `points` finite vec3.
     """
     from warpvis.kernels.visibility.point_packets import judge_points_packets
 

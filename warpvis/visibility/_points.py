@@ -78,9 +78,6 @@ def point_visibility(
         A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. Surfaces nearer than the
         camera's ``near`` occlude too. With `occluders`, also the object that hides each `Visibility.OCCLUDED` point, -1
         for other points, shape ``(V, N)`` int32.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
@@ -150,9 +147,6 @@ def point_visibility_from_depth(
 
     Returns:
         A `Visibility` for every view and point, shape ``(V, N)`` uint8; UNKNOWN where nothing was measured.
-
-    Raises:
-        WarpvisError: If an argument is invalid.
     """
     from warpvis.kernels.visibility.points import judge_points_measured
 
@@ -251,13 +245,7 @@ class ProjectedPoints:
 
 
 def project_points(camera: LensCamera, poses: NDArray[np.float32], points: Floats) -> ProjectedPoints:
-    """Project points in the world.
-
-    Args:
-        camera: The camera.
-        poses: Rows ``(V, 7)`` from `warpvis.core.poses.host_poses`.
-        points: Points [m], shape ``(N, 3)``.
-    """
+    """Project points in the world [m], ``(N, 3)``, into views at `poses`, rows ``(V, 7)`` of `host_poses`."""
     matrices = poses_to_matrices(poses.astype(np.float64))
     local_points = np.einsum("vij,vni->vnj", matrices[:, :3, :3], points - matrices[:, None, :3, 3])
     depth = local_points[..., 2] if camera.kind == "z" else np.linalg.norm(local_points, axis=-1)

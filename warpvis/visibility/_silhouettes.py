@@ -48,17 +48,9 @@ class SilhouetteCounter:
         caster: Literal["packets", "rays"],
         threads: int,
     ) -> None:
-        """Set up the counter.
+        """Set up the counter; arguments as for `warpvis.object_visibility`.
 
-        Args:
-            scene: The scene.
-            camera: The camera of all views.
-            chosen: Indices of the objects whose pixels are counted.
-            canvas: Extension of the canvas beyond the image's left, top, right and bottom border [px].
-            delta: As for `warpvis.object_visibility`.
-            skip_unseen: As for `warpvis.object_visibility`.
-            caster: Caster of silhouettes; single rays are always used on CUDA and through a lens.
-            threads: CPU threads.
+        Single rays are always used on CUDA and through a lens.
         """
         from warpvis.kernels.visibility.silhouettes import Canvas, Chosen
 

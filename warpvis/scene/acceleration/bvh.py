@@ -99,15 +99,9 @@ def build_bvh(
 ) -> Bvh:
     """Build the tree by the surface area heuristic; a leaf's cost does not depend on how many triangles it holds.
 
-    Args:
-        vertices: Corners, shape ``(n, 3)``.
-        faces: Corner indices of the triangles, shape ``(m, 3)``, m at least 1.
-        owner: Object indices of the triangles, shape ``(m,)``.
-        closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
-        lanes: Maximum number of triangles per leaf and of children per node: 16 or 32.
-        max_levels: Maximum number of node levels. Where the heuristic would exceed it, ranges are split into halves of
-            equal count. No limit by default.
-        threads: CPU threads, all cores by default. The tree does not depend on it.
+    For triangles `faces`, ``(m, 3)``, m at least 1, of objects `owner`, ``(m,)``; back faces of `closed` objects can be
+    culled. Where the heuristic would exceed `max_levels` levels of nodes, ranges are split into halves of equal count.
+    The tree does not depend on the number of threads.
     """
     from warpvis.kernels.bvh import build
 

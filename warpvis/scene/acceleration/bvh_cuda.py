@@ -58,17 +58,9 @@ def build_device_bvh(
     *,
     max_levels: int,
 ) -> Bvh:
-    """Build a tree of 32 lanes on a device, as `warpvis.scene.acceleration.bvh.build_bvh` does on the CPU.
+    """Build a tree of 32 lanes and at most `max_levels` levels (8 or more) on a device; see `build_bvh` for the arrays.
 
-    Only the number of ranges and nodes per level is copied to the host.
-
-    Args:
-        vertices: Corners, as all arrays on the host or on the device; vec3 on the device.
-        faces: Corner indices of the triangles, shape ``(m, 3)``, m at least 1.
-        owner: Object indices of the triangles, shape ``(m,)``.
-        closed: Whether an object's back faces can be culled when it is seen from outside, shape ``(objects,)``.
-        device: The device.
-        max_levels: Maximum number of node levels, at least 8.
+    They are all on the host or all on the device. Only the number of ranges and nodes per level is copied to the host.
     """
     check_size(len(faces), CUDA_LANES, max_levels)
 

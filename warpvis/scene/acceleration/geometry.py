@@ -121,14 +121,9 @@ def build_scene_bvh(
     cache: TreeCache | None = None,
     faces: bool = False,
 ) -> SceneBvh:
-    """Build the BVHs in joined arrays.
+    """Build the BVHs in joined arrays, with `lanes` triangles per leaf; by default the width of the caster.
 
-    Args:
-        objects: The scene's objects.
-        device: Device of the arrays.
-        lanes: Triangles per leaf; by default as many as the device's caster processes at once.
-        cache: Cached trees of an earlier build: valid ones are reused, and replaced by those of this build.
-        faces: Whether to store the face index in the object's mesh for each triangle.
+    Valid trees of `cache` are reused; the trees of this build replace them. `faces` is as for `Scene.bvh`.
     """
     from warpvis.kernels.casting.packets import BvhScene
     from warpvis.scene.acceleration.tree_cache import TreeCache
@@ -255,12 +250,8 @@ def join_trees(
 ) -> None:
     """Concatenate the arrays of all trees, and offset their children: node indices, or complements of leaf indices.
 
-    Args:
-        struct: Receives the arrays.
-        trees: The trees, on the host or the device.
-        closed: For each tree, which of its owners are closed: these are stored as their bitwise complement.
-        device: Device of the arrays.
-        share: Whether a single tree's arrays may be used and changed without a copy.
+    `closed` owners of each tree are stored as their bitwise complement. With `share`, the arrays of a single tree may
+    be used and changed without a copy.
     """
     check_leaves(sum(tree.leaf_count for tree in trees), trees[0].lanes)
     if not all(tree.leaves.device.is_cpu for tree in trees):
@@ -346,11 +337,7 @@ def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.arr
 
 
 def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return each triangle's face index in its object's mesh; an object's triangles are consecutive and in order.
-
-    Args:
-        owner: The triangles' object indices, shape ``(m,)``.
-    """
+    """Return each triangle's face index in its object's mesh; `owner` lists an object's triangles in order."""
     starts = np.flatnonzero(np.diff(owner, prepend=-1))
     counts = np.diff(starts, append=len(owner))
     return (np.arange(len(owner)) - np.repeat(starts, counts)).astype(np.int32)
@@ -359,10 +346,7 @@ def own_faces(owner: NDArray[np.int32]) -> NDArray[np.int32]:
 def slot_faces(trees: Sequence[Bvh], owners: Sequence[NDArray[np.int32]], device: wp.Device) -> wp.array:
     """Return the object's face index for each leaf slot of the trees, one tree after the other; -1 for unused slots.
 
-    Args:
-        trees: The trees, on the host or a device.
-        owners: For each tree, the object indices of the triangles it was built from.
-        device: Device of the result.
+    `owners` are, for each tree, the object indices of the triangles it was built from.
     """
     parts = []
     for tree, owner in zip(trees, owners, strict=True):

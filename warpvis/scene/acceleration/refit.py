@@ -26,13 +26,8 @@ _PARTS_PER_THREAD = 4
 class BvhRefit:
     """Refits one BVH. The constructor allocates all memory: on CUDA, a refit neither allocates nor synchronizes.
 
-    Args:
-        tree: The tree, as it was built.
-        faces: Corner indices of the triangles, shape ``(m, 3)``.
-        points: The vertices, read at every refit.
-        leaves: The tree's leaves in the joined arrays.
-        nodes: The tree's nodes in the joined arrays.
-        box: Six numbers that receive the bounding box of the tree.
+    It reads the vertices `points`, and writes `leaves` and `nodes`, the tree's ranges of the joined arrays, and its
+    bounding `box`, six numbers.
     """
 
     def __init__(

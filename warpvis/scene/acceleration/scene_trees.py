@@ -78,14 +78,7 @@ class SceneTrees:
                 built.refits[index].refit()
 
     def exchange(self, objects: ObjectList, index: int, item: SceneObject, *, closed: bool) -> None:
-        """Replace an object by one with another mesh; it is neither attached to another one nor a parent.
-
-        Args:
-            objects: All objects.
-            index: Index of the object.
-            item: The new object, movable if the old one is.
-            closed: Whether its back faces can be culled when it is seen from outside.
-        """
+        """Replace an object, which is neither attached nor a parent, by one with another mesh."""
         from warpvis.scene.acceleration.tree_cache import build_object_tree
 
         bvh, triangles = self._bvh, self._triangles
@@ -117,14 +110,10 @@ class _Span(NamedTuple):
 
 
 def splice_bvh(built: SceneBvh, column: int, tree: Bvh, *, closed: bool, old_count: int) -> SceneBvh:
-    """Return the trees with that of one movable object replaced; the new tree comes last.
+    """Return the trees with that of one movable object replaced; the new tree, of any device, comes last.
 
-    Args:
-        built: The trees of all objects; no other object may deform.
-        column: Column of the object in `Scene.movable`. It is neither attached to another one nor a parent.
-        tree: The object's new tree, on any device.
-        closed: Whether its back faces can be culled when it is seen from outside.
-        old_count: Number of triangles it had before.
+    No other object may deform; the object, in `column` of `Scene.movable` and of `old_count` triangles, is neither
+    attached to another one nor a parent.
     """
     old, lanes = built.struct, tree.lanes
     struct = _copied(old)

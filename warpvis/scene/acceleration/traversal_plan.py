@@ -227,11 +227,7 @@ def instance_steps(boxes: NDArray[np.float32], poses: NDArray[np.float32]) -> np
     """Build a tree of boxes in the world for stackless traversal: `InstanceStep` of the kernels, in depth-first order.
 
     If the box of a step is missed, traversal skips to `after`, past its whole subtree; else it goes on with the next
-    step (Smits 1998, "Efficiency issues for ray tracing").
-
-    Args:
-        boxes: Minimum and maximum corner of each instance's box [m], shape ``(n, 2, 3)``.
-        poses: Their poses, shape ``(n, 7)``.
+    step (Smits 1998, "Efficiency issues for ray tracing"). Shapes of the arguments: ``(n, 2, 3)`` [m], ``(n, 7)``.
     """
     from warpvis.kernels.casting.triangle_scene import InstanceStep
 

@@ -22,11 +22,7 @@ class TreeCache:
     """The trees of the last build, by their inputs; the next build reuses those with equal inputs."""
 
     def __init__(self, *, keep: bool = True) -> None:
-        """Create an empty cache.
-
-        Args:
-            keep: Whether to cache trees at all: this takes their memory a second time.
-        """
+        """Create an empty cache; without `keep` it stores nothing, since caching takes the memory of trees again."""
         self.keep = keep
         self._previous: dict[_Key, Bvh] = {}
         self._current: dict[_Key, Bvh] = {}
