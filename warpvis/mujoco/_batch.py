@@ -368,8 +368,7 @@ class BatchRenderer:
             chosen = self._chosen_worlds(worlds, count)
             check_computed(source, kinds, chosen)
             return source, chosen, None if model is None else WorldModels(self.model, model, count), chosen
-        joints = as_numpy(cast("ArrayInput", poses), name="poses")
-        joints = np.atleast_2d(joints)
+        joints = np.atleast_2d(as_numpy(cast("ArrayInput", poses), name="poses"))
         chosen = self._chosen_worlds(worlds, len(joints))
         models = None if model is None else WorldModels(self.model, model, len(joints))
         changes = {} if models is None else models.poses()

@@ -82,10 +82,6 @@ class Extent:
             yield extent
             waiting += reversed(extent.solids)
 
-    def is_bounded(self) -> bool:
-        """Return whether it or a descendant has a bounding object."""
-        return any(extent.bounding for extent in self.family())
-
     def sphere(self) -> Ball | None:
         """Compute the bounding sphere of all its shapes as Webots does, by merging one sphere after the other."""
         enclosing: Ball | None = None
@@ -215,7 +211,8 @@ class Frustum:
         for solid in extent.family():
             read = [bound_of(node, transform, resolve) for node, transform in solid.bounding]
             bounds = [bound for bound in read if bound is not None]
-            sphere = None if found is not None or solid.bounding or solid.is_bounded() else solid.sphere()
+            is_bounded = found is not None or any(below.bounding for below in solid.family())
+            sphere = None if is_bounded else solid.sphere()
             if sphere is not None:
                 bounds.append(Bound(sphere.center[None], sphere.radius))
             for bound in bounds:

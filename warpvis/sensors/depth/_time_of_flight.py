@@ -174,11 +174,14 @@ class TimeOfFlight(Device):
         self, exposure: Exposure, cameras: list[Any], model: FlightModel, inputs: FlightViews
     ) -> tuple[wp.array, wp.array]:
         """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
-        from warpvis.kernels.sensors.sub_rays import place_sub_rays
+        from warpvis.kernels.sensors.sub_rays import find_edges, place_sub_rays
         from warpvis.kernels.sensors.time_of_flight import mix_sub_rays
 
         views, _, width = exposure.true_depth.shape
-        slots = self._find_edges(exposure, cameras)
+        slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)  # not negative at edges
+        exposure.launch(
+            find_edges, exposure.true_depth, exposure.normals, self.edge_step, slots, cameras=cameras, rows=True
+        )
         pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
         mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
@@ -191,15 +194,6 @@ class TimeOfFlight(Device):
             arguments = model, pixels, points, *images, first, mixes
             exposure.launch(mix_sub_rays, *arguments, cameras=cameras, shape=tiles)
         return slots, mixes
-
-    def _find_edges(self, exposure: Exposure, cameras: list[Any]) -> wp.array:
-        """Return an image that is not negative at edges, and -1 elsewhere."""
-        from warpvis.kernels.sensors.sub_rays import find_edges
-
-        slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)
-        inputs = exposure.true_depth, exposure.normals, self.edge_step, slots
-        exposure.launch(find_edges, *inputs, cameras=cameras, rows=True)
-        return slots
 
 
 def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
