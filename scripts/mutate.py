@@ -57,7 +57,6 @@ TESTS: tuple[tuple[str, str], ...] = (
     # Headers of the BVH builder.
     ("cpu/bvh_*.h", "bvh packets refit"),
     # Headers of packets of rays and of image positions.
-    ("cpu/ray_raster_origins.h", "apart_packets"),
     ("cpu/table*.h", "table_packets panorama remap apart_packets"),
     ("cpu/ray_*.h", "table_packets panorama remap apart_packets"),
     ("cpu/remap*.h", "remap"),

@@ -9,10 +9,6 @@ from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.native_source import include_native
 
-wp.set_module_options(
-    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/table.h")}
-)
-
 
 @wp.struct
 class RayBundles:
@@ -60,34 +56,65 @@ class TableJob:
 
 
 @wp.struct
+class RayOrigins:
+    """Distinct origins of the rays of `RayBundles`, and their intersections with the plane of their bundle's eye.
+
+    See ``RayOrigins`` of ``ray_tree.h``. None if all rays begin at the camera.
+    """
+
+    p: wp.array[float]
+    q: wp.array[float]
+    begin: wp.array[float]
+    clip_inv_z: wp.array[float]
+    row_p: wp.array[float]
+    row_q: wp.array[float]
+    range: wp.array2d[float]  # (tiles, words)
+    eye: wp.array2d[wp.float64]  # (bundles, 3), in the frame of the bundle's face
+    maxima: wp.array2d[float]  # (bundles, 3): maximum p, q, and distance from the eye to the origin of a ray
+
+
+@wp.struct
 class TableCall:
     """The arguments of a launch; see `kernels.casting.packets.PacketCall`."""
 
     scene: BvhScene
     job: TableJob
     rays: RayBundles
+    origins: RayOrigins
     poses: wp.array[wp.transform]
     worlds: Worlds
 
 
-@wp.func_native("warpvis::TableLaunch::table(calls.data[0], images_out.data[0]);")
-def cast_bundles(
-    calls: wp.array[TableCall],
-    images_out: wp.array[Images],
-): ...
+def _make_kernel(rays: str) -> wp.Kernel:
+    """Return the kernel for a ``RayKind`` of ``native/cpu/image.h``, in a module of its own, as compilation is slow."""
+
+    @wp.func_native(f"warpvis::TableLaunch::table<warpvis::{rays}>(calls.data[0], images_out.data[0]);")
+    def cast_bundles(
+        calls: wp.array[TableCall],
+        images_out: wp.array[Images],
+    ): ...
+
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        module_options={"extra_build_options": include_native("cpu/table.h")},
+    )
+    def cast_table_packets(
+        # In:
+        calls: wp.array[TableCall],
+        # Out:
+        images_out: wp.array[Images],
+    ):
+        """Write the requested images (None is skipped) of one call; each array contains one element.
+
+        Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+        units of work.
+        """
+        _ = wp.tid()
+        cast_bundles(calls, images_out)
+
+    return cast_table_packets
 
 
-@wp.kernel
-def cast_table_packets(
-    # In:
-    calls: wp.array[TableCall],
-    # Out:
-    images_out: wp.array[Images],
-):
-    """Write the requested images (None is skipped) of one call; each array contains one element.
-
-    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
-    units of work.
-    """
-    _ = wp.tid()
-    cast_bundles(calls, images_out)
+cast_table_packets, cast_ray_origin_packets = _make_kernel("TABLE_RAYS"), _make_kernel("ORIGIN_RAYS")

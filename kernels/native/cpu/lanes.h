@@ -13,6 +13,7 @@ static_assert(LANES == 16, "the shuffles below are written for 16 lanes");
 
 typedef float Floats __attribute__((ext_vector_type(LANES)));
 typedef int Ints __attribute__((ext_vector_type(LANES)));
+typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
 struct Lanes {
     static inline Floats all(float value) { return (Floats)(value); }

@@ -154,7 +154,7 @@ struct Packets {
         if (solid.kind != SOLID_NONE) {
             const int id = mode == MODE_TRIANGLES ? movables.first_id[movable] : movables.object[movable];
             if constexpr (KIND == TABLE_RAYS)
-                RayRaster::render_solid(solid, view, camera, image, visit, id, mode);
+                RayRaster<KIND>::render_solid(solid, view, camera, image, visit, id, mode);
             else if constexpr (KIND == PIXEL_RAYS)
                 Solids::render(solid, camera, image, view.job.center, visit, id, mode);
             return;  // scenes with solids do not use rays with distinct origins

@@ -51,6 +51,9 @@ struct Raster : Pixels {
     static inline Ints has_unstable_plane(const Camera& camera, const Triangles& t) {
         const Floats width = __builtin_convertvector(t.x1 - t.x0, Floats);
         const Floats height = __builtin_convertvector(t.view_y1 - t.view_y0, Floats);
+        return has_unstable_plane(camera, t, width, height);
+    }
+    static inline Ints has_unstable_plane(const Camera& camera, const Triangles& t, Floats width, Floats height) {
         const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
         return camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area;
     }

@@ -7,7 +7,8 @@
 
 #include "cpu/solids.h"
 
-// A leaf's triangles and their bounding rectangles.
+// A leaf's triangles and their bounds: for ORIGIN_RAYS, relative to the rays of a tile.
+template <RayKind KIND>
 struct RayLeaf {
     const Triangles& triangles;
     RayBox box;  // of all shown triangles
@@ -15,13 +16,13 @@ struct RayLeaf {
     float bounds[RayTree::BOUND_ROWS][LANES];  // of each triangle: least u and v, greatest u and v
     float min_size;  // least over all triangles of the longer side of their rectangles
     unsigned inexact;  // lanes in which single precision does not suffice for inv_z
+    unsigned uncertain_side;  // lanes of triangles of which rays may see another side than the eye does
     unsigned computed;  // lanes whose planes have been computed
     ExactPlane planes[LANES];
+    // Only for ORIGIN_RAYS: edge functions at the middle of the moments, and the bound of their deviation from it.
+    Floats one[3], slack[3];
 
-    explicit inline RayLeaf(const Triangles& of) : triangles(of) {}
-
-    inline void set(const Image& image, const Visit& visit, unsigned rounded) {
-        const Triangles& t = triangles;
+    inline RayLeaf(const Camera& camera, const Image& image, const Triangles& t, const Visit& visit) : triangles(t) {
         box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
         nearest = visit.nearest_inv_z;
         Lanes::store(bounds[0], __builtin_convertvector(t.x0, Floats) - image.center_x);
@@ -30,22 +31,65 @@ struct RayLeaf {
         Lanes::store(bounds[3], __builtin_convertvector(t.y1 + 1, Floats) - image.center_y);
         const Ints size = t.shown ? (t.x1 - t.x0 > t.y1 - t.y0 ? t.x1 - t.x0 : t.y1 - t.y0) : Lanes::all_ints(1 << 24);
         min_size = (float)(__builtin_reduce_min(size) + 1);
-        inexact = rounded;
         computed = 0;
+        if constexpr (KIND == ORIGIN_RAYS) {
+            uncertain_side = Lanes::bits(t.uncertain_side);
+            const Floats width = t.place[2] - t.place[0], height = t.place[3] - t.place[1];
+            inexact = Lanes::bits(t.inexact | Raster::has_unstable_plane(camera, t, width, height)) | uncertain_side;
+        } else {
+            uncertain_side = 0;
+            inexact = Lanes::bits(t.inexact | Raster::has_unstable_plane(camera, t));
+        }
     }
+
+    // Set the bounds for the rays of a tile.
+    inline void set_tile(const RayOrigins& origins, int tile) {
+        if constexpr (KIND != ORIGIN_RAYS) return;
+        const Triangles& t = triangles;
+        const float* range = origins.range + tile * RayOrigins::RANGE_WORDS;
+        const Ints endless = t.place[0] <= Lanes::all(-1e30f);
+        const Floats max_inv_z = endless ? Lanes::all(0.0f) : t.max_inv_z,
+                     min_inv_z = endless ? Lanes::all(0.0f) : t.min_inv_z;
+        const Floats middle = 0.5f * (max_inv_z + min_inv_z), half = 0.50001f * (max_inv_z - min_inv_z);
+        for (int k = 0; k < 2; ++k) {
+            const Floats shift = range[k] * middle;
+            const Floats margin =
+                __builtin_fabsf(range[k]) * half + range[k + 3] * max_inv_z + 1e-5f * Lanes::abs(shift);
+            Lanes::store(bounds[k], t.place[k] - (shift + margin));
+            Lanes::store(bounds[k + 2], t.place[k + 2] - (shift - margin));
+        }
+        for (int e = 0; e < 3; ++e) {
+            const Points& s = t.side[e];
+            one[e] = t.edge[e].one + (s.y * range[0] + (s.z * range[2] - s.x * range[1]));
+            slack[e] = t.error_bound + 1.0001f * (Lanes::abs(s.y) * range[3] +
+                                                  (Lanes::abs(s.z) * range[5] + Lanes::abs(s.x) * range[4]));
+        }
+    }
+
     inline RayBox box_of(int k) const { return RayTree::box_of(bounds[0], k); }
+    inline bool is_inexact(int k) const { return (inexact >> k) & 1; }
+    inline bool is_uncertain_side(int k) const { return KIND == ORIGIN_RAYS && ((uncertain_side >> k) & 1); }
+    // An edge function for the rays of the tile, and how much it may differ from that of a ray.
+    inline Linear edge(int e) const {
+        const Linear& edge = triangles.edge[e];
+        return KIND == ORIGIN_RAYS ? Linear{edge.u, edge.v, one[e]} : edge;
+    }
+    inline const Floats& error_bound(int e) const { return KIND == ORIGIN_RAYS ? slack[e] : triangles.error_bound; }
 
     // Triangles that may be visible in a rectangle: an edge function is greatest at one of its corners.
     inline unsigned touching(const RayBox& box, float min_inv_z) const {
         const Triangles& t = triangles;
-        Ints candidates = t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z));
         const Floats none = Lanes::all(0.0f);
-        for (const Linear& edge : t.edge) {
+        Ints inside = Lanes::all_ints(-1);
+        for (int e = 0; e < 3; ++e) {
+            const Linear edge = this->edge(e);
             const Floats u = edge.u >= none ? Lanes::all(box.u1) : Lanes::all(box.u0);
             const Floats v = edge.v >= none ? Lanes::all(box.v1) : Lanes::all(box.v0);
-            candidates &= edge.at(u, edge.row(v)) >= -t.error_bound;
+            inside &= edge.at(u, edge.row(v)) >= -error_bound(e);
         }
-        return Lanes::bits(candidates);
+        if constexpr (KIND == ORIGIN_RAYS) inside |= t.uncertain_side;
+        return Lanes::bits(t.shown & RayTree::overlap(bounds[0], box) & (t.max_inv_z >= Lanes::all(min_inv_z)) &
+                           inside);
     }
 
     inline const ExactPlane& plane(const Camera& camera, int k) {
@@ -111,20 +155,21 @@ struct PacketPlanes {
 // The packets of a tile that a triangle touches and those that it covers, as bit masks.
 struct TouchedPackets {
     unsigned touched, covered;
-    Floats nearest;  // upper bound of inv_z in each packet, if single precision suffices for the plane
+    Floats nearest;  // upper bound of inv_z of TABLE_RAYS in each packet, if single precision suffices for the plane
 
-    static inline TouchedPackets of(const Triangles& t, int k, const float* bounds) {
+    template <RayKind KIND>
+    static inline TouchedPackets of(const RayLeaf<KIND>& leaf, int k, const float* bounds) {
         Ints touched = Lanes::all_ints(-1), covered = touched;
         const Floats u0 = Lanes::load(bounds), v0 = Lanes::load(bounds + LANES), u1 = Lanes::load(bounds + 2 * LANES),
                      v1 = Lanes::load(bounds + 3 * LANES);
-        const float error_bound = t.error_bound[k];
-        for (const Linear& of : t.edge) {
-            const Linear edge = Linear::of_lane(of, k);
+        for (int e = 0; e < 3; ++e) {
+            const Linear edge = Linear::of_lane(leaf.edge(e), k);
+            const float error_bound = leaf.error_bound(e)[k];
             const bool right = edge.u[0] >= 0.0f, down = edge.v[0] >= 0.0f;
             touched &= edge.at(right ? u1 : u0, edge.row(down ? v1 : v0)) >= Lanes::all(-error_bound);
             covered &= edge.at(right ? u0 : u1, edge.row(down ? v0 : v1)) > Lanes::all(error_bound);
         }
-        const Linear plane = Linear::of_lane(t.inv_z, k);
+        const Linear plane = Linear::of_lane(leaf.triangles.inv_z, k);
         const Floats nearest = plane.at(plane.u[0] >= 0.0f ? u1 : u0, plane.row(plane.v[0] >= 0.0f ? v1 : v0));
         return TouchedPackets{Lanes::bits(touched), Lanes::bits(covered), 1.00001f * nearest};
     }
@@ -140,7 +185,8 @@ struct RayColumns {
     Ints first_column, last_column, first_row, last_row;
     unsigned small, larger;  // lanes of triangles that may touch few rays, and of those that may touch more
 
-    inline RayColumns(const Image& image, const RayLeaf& leaf, int tile)
+    template <RayKind KIND>
+    inline RayColumns(const Image& image, const RayLeaf<KIND>& leaf, int tile)
         : first_ray(tile * (LANES * LANES)), fit(image.tree->fit[tile]) {
         const Floats u0 = Lanes::load(leaf.bounds[0]), v0 = Lanes::load(leaf.bounds[1]),
                      u1 = Lanes::load(leaf.bounds[2]), v1 = Lanes::load(leaf.bounds[3]);

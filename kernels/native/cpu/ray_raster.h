@@ -4,34 +4,110 @@
 // Rasterization of a leaf's triangles, or of a solid, to the rays of a `RayTree`. The result does not depend on the
 // method: a triangle and a ray are intersected by the same sums, whether for many rays of one triangle or many
 // triangles of one ray.
+//
+// With distinct origins (`RayOrigins`), a ray (p, q, 0) + z (u, v, 1) has Plücker coordinates with direction d = (u, v,
+// 1) and moment m = (-q, p, u q - v p) about the eye. The edge function of an edge from a to b is their side product (a
+// x b) . d + (a - b) . m: its sign gives the side on which the ray passes, and its first term is the edge function of a
+// ray from the eye. If N . d is 1 / z of a plane for a ray from the eye, N . d / (1 - N . (p, q, 0)) is 1 / z for this
+// ray. If that denominator is not well above 0 for the whole bundle, a ray may see the other side of the plane than the
+// eye does: such triangles are tested in double precision, ray by ray.
 
 #pragma once
 
 #include "cpu/ray_leaf.h"
 #include "cpu/scene.h"
 
-// The way from a leaf's triangles to the rays that they may cover. `Drawing` derives from this, and rasterizes in a
-// tile, in packets and at rays; `Leaf` is its `RayLeaf`.
-template <class Drawing, class Leaf>
-struct RayDescent {
+// Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
+template <RayKind KIND>
+struct RayLanes {
+    Floats u, v;
+    Floats p = {}, q = {}, w = {};  // only for ORIGIN_RAYS
+
+    static inline RayLanes packet(const RayTree& tree, int packet) {
+        const auto load = [packet](const float* rays) { return Lanes::load(rays + packet * LANES); };
+        RayLanes rays = {.u = load(tree.u), .v = load(tree.v)};
+        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.p), load(tree.origins.q));
+        return rays;
+    }
+    static inline RayLanes ray(const RayTree& tree, int ray) {
+        RayLanes rays = {.u = Lanes::all(tree.u[ray]), .v = Lanes::all(tree.v[ray])};
+        if constexpr (KIND == ORIGIN_RAYS)
+            rays.set_origins(Lanes::all(tree.origins.p[ray]), Lanes::all(tree.origins.q[ray]));
+        return rays;
+    }
+    static inline RayLanes window(const RayTree& tree, int corner, int width) {
+        const auto load = [=](const float* rows) { return RayTree::window(rows + corner, width); };
+        RayLanes rays = {.u = load(tree.row_u), .v = load(tree.row_v)};
+        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.row_p), load(tree.origins.row_q));
+        return rays;
+    }
+    inline void set_origins(Floats at_p, Floats at_q) { p = at_p, q = at_q, w = u * q - v * p; }
+
+    // Minimum of a triangle's three edge functions: of triangle k for all rays, or of each lane's triangle.
+    inline Floats inner(const Triangles& t, int k) const {
+        Floats edge[3];
+        for (int e = 0; e < 3; ++e) {
+            const Linear linear = Linear::of_lane(t.edge[e], k);
+            edge[e] = linear.at(u, linear.row(v));
+            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x[k], t.side[e].y[k], t.side[e].z[k]);
+        }
+        return Lanes::min(edge[0], edge[1], edge[2]);
+    }
+    inline Floats inner(const Triangles& t) const {
+        Floats edge[3];
+        for (int e = 0; e < 3; ++e) {
+            edge[e] = t.edge[e].at(u, t.edge[e].row(v));
+            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x, t.side[e].y, t.side[e].z);
+        }
+        return Lanes::min(edge[0], edge[1], edge[2]);
+    }
+    template <class Number>
+    inline Floats of_moment(Number x, Number y, Number z) const {
+        return y * p + (z * w - x * q);
+    }
+    inline Floats inv_z(const Linear& plane) const {
+        const Floats inv_z = plane.at(u, plane.row(v));
+        if constexpr (KIND == ORIGIN_RAYS) return inv_z / (1.0f - (plane.u * p + plane.v * q));
+        return inv_z;
+    }
+};
+
+// The way from a leaf's triangles to the rays that they may cover.
+template <RayKind KIND>
+struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
 
-    static inline __attribute__((always_inline)) void rasterize_leaf(const Camera& camera, const Image& image,
-                                                                     Leaf& leaf, Mode mode) {
+    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
+                                                                const Triangles& triangles, const Visit& visit,
+                                                                Mode mode) {
+        RayLeaf<KIND> leaf(camera, image, triangles, visit);
         const RayTree& tree = *image.tree;
         for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
             const int group = Lanes::first_lane(groups);
             for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                Drawing::rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
+                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
         }
+    }
+
+    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
+                                                                     RayLeaf<KIND>& leaf, int tile, Mode mode) {
+        leaf.set_tile(image.tree->origins, tile);
+        unsigned candidates = Lanes::bits(leaf.triangles.shown);
+        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
+            const RayColumns columns(image, leaf, tile);
+            const unsigned small = columns.small & ~leaf.uncertain_side;
+            if (small) rasterize_small(camera, image, leaf, columns, small, mode);
+            candidates = columns.larger | (columns.small & leaf.uncertain_side);
+        }
+        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
     }
 
     // Rasterize triangles in a tile: triangle by triangle if there are fewer of them than packets, else packet by
     // packet.
     static inline __attribute__((always_inline)) void rasterize_in_tile(const Camera& camera, const Image& image,
-                                                                        Leaf& leaf, int tile, unsigned candidates,
-                                                                        Mode mode) {
+                                                                        RayLeaf<KIND>& leaf, int tile,
+                                                                        unsigned candidates, Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned packets = tree.packets_in(image, tile, leaf.box, leaf.nearest);
         const int count = __builtin_popcount(packets);
@@ -45,13 +121,13 @@ struct RayDescent {
                 rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
-                Drawing::rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
+                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
     }
 
     // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
     static inline __attribute__((always_inline)) void rasterize_packet(const Camera& camera, const Image& image,
-                                                                       Leaf& leaf, int packet, unsigned candidates,
-                                                                       Mode mode) {
+                                                                       RayLeaf<KIND>& leaf, int packet,
+                                                                       unsigned candidates, Mode mode) {
         const RayTree& tree = *image.tree;
         const unsigned rays = tree.rays_in(image, packet, leaf.box, leaf.nearest);
         if (!rays) return;
@@ -62,213 +138,226 @@ struct RayDescent {
         }
         if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
             for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
-                Drawing::rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates,
-                                       mode);
+                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
         else
             for (; candidates; candidates &= candidates - 1)
-                Drawing::rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
-    }
-};
-
-struct RayRaster : RayDescent<RayRaster, RayLeaf> {
-    static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
-                                                                const Triangles& triangles, const Visit& visit,
-                                                                Mode mode) {
-        RayLeaf leaf(triangles);
-        leaf.set(image, visit, Lanes::bits(triangles.inexact | Raster::has_unstable_plane(camera, triangles)));
-        rasterize_leaf(camera, image, leaf, mode);
-    }
-
-    static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
-                                                                     RayLeaf& leaf, int tile, Mode mode) {
-        unsigned candidates = Lanes::bits(leaf.triangles.shown);
-        if (leaf.min_size < RayColumns::SMALL_SIDE * image.tree->fit[tile].spacing) {
-            const RayColumns columns(image, leaf, tile);
-            if (columns.small) rasterize_small(camera, image, leaf, columns, mode);
-            candidates = columns.larger;
-        }
-        if (candidates) rasterize_in_tile(camera, image, leaf, tile, candidates, mode);
+                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
     static inline __attribute__((always_inline)) void rasterize_in_packets(const Camera& camera, const Image& image,
-                                                                           RayLeaf& leaf, int k, int tile, Mode mode) {
+                                                                           RayLeaf<KIND>& leaf, int k, int tile,
+                                                                           Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int first = tile * LANES;
         unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
-        if (__builtin_popcount(touched) <= FEW_PACKETS) {
+        if (__builtin_popcount(touched) <= FEW_PACKETS || leaf.is_uncertain_side(k)) {
             for (; touched; touched &= touched - 1)
                 rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
             return;
         }
         const float* bounds = tree.bounds_of_packets(tile);
-        const TouchedPackets of = TouchedPackets::of(t, k, bounds);
+        const TouchedPackets of = TouchedPackets::of(leaf, k, bounds);
         touched &= of.touched;
         const Floats hiding = Lanes::load(image.block_min + first);
-        if ((leaf.inexact >> k) & 1) {
+        if (KIND == ORIGIN_RAYS || leaf.is_inexact(k)) {
             PacketPlanes planes;
             planes.set(camera, leaf.plane(camera, k), bounds);
-            touched &= Lanes::bits(hiding <= planes.nearest);
+            touched &= Lanes::bits(hiding <= nearest_of(tree, planes));
             for (; touched; touched &= touched - 1) {
                 const int child = Lanes::first_lane(touched);
                 const PacketPlane near = planes.of(child);
-                rasterize_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, &near, mode);
+                rasterize_rays(camera, image, leaf, k, first + child, mode, (of.covered >> child) & 1, &near);
             }
             return;
         }
         touched &= Lanes::bits(hiding <= of.nearest);
         for (; touched; touched &= touched - 1) {
             const int child = Lanes::first_lane(touched);
-            rasterize_rays(camera, image, leaf, k, first + child, (of.covered >> child) & 1, nullptr, mode);
+            rasterize_rays(camera, image, leaf, k, first + child, mode, (of.covered >> child) & 1);
         }
+    }
+    // Upper bound of inv_z of a plane in each packet.
+    static inline Floats nearest_of(const RayTree& tree, const PacketPlanes& planes) {
+        if constexpr (KIND != ORIGIN_RAYS) return planes.nearest;
+        const RayOrigins& origins = tree.origins;
+        const float aside = __builtin_fabsf(planes.u) * origins.max_p + __builtin_fabsf(planes.v) * origins.max_q;
+        // `aside` is below 0.5 unless the triangle is in `uncertain_side`: see Setup::find_uncertain_sides.
+        const float nearer = 1.0001f / (1.0f - (aside < 0.5f ? aside : 0.5f));
+        return Lanes::max(planes.nearest, Lanes::all(0.0f)) * nearer;
     }
 
     // Rasterize small triangles: one register holds all rays that a triangle may touch.
     static inline __attribute__((always_inline)) void rasterize_small(const Camera& camera, const Image& image,
-                                                                      RayLeaf& leaf, const RayColumns& columns,
-                                                                      Mode mode) {
+                                                                      RayLeaf<KIND>& leaf, const RayColumns& columns,
+                                                                      unsigned small, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
         const int width = columns.fit.last_column() + 1;
         int column[LANES], row[LANES];
         RayColumns::begin(columns.first_column, columns.fit.last_column(), column);
         RayColumns::begin(columns.first_row, columns.fit.last_row(), row);
-        for (unsigned small = columns.small; small; small &= small - 1) {
-            const int k = Lanes::first_lane(small), corner = columns.first_ray + row[k] * width + column[k];
-            const Floats u = RayTree::window(tree.row_u + corner, width),
-                         v = RayTree::window(tree.row_v + corner, width);
-            const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
-                         e2 = Linear::of_lane(t.edge[2], k), plane = Linear::of_lane(t.inv_z, k);
-            const float error_bound = t.error_bound[k], max_inv_z = t.max_inv_z[k], min_inv_z = t.min_inv_z[k];
-            const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
+        for (; small; small &= small - 1) {
+            const int k = Lanes::first_lane(small);
+            const auto rays = RayLanes<KIND>::window(tree, columns.first_ray + row[k] * width + column[k], width);
+            const float error_bound = t.error_bound[k], max_inv_z = t.max_inv_z[k];
+            const Floats inner = rays.inner(t, k);
             unsigned hits = Lanes::bits(inner >= Lanes::all(-error_bound));
             if (!hits) continue;
             const unsigned certain = Lanes::bits(inner > Lanes::all(error_bound));
             float inv_z[LANES];
-            Lanes::store(
-                inv_z, Lanes::max(Lanes::min(plane.at(u, plane.row(v)), Lanes::all(max_inv_z)), Lanes::all(min_inv_z)));
+            Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
             for (; hits; hits &= hits - 1) {
                 const int lane = Lanes::first_lane(hits);
                 const int ray = columns.first_ray + columns.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
                                                                      row[k] + lane / RayColumns::SMALL_SIDE);
                 if (max_inv_z < image.inv_z[ray]) continue;
-                if (((certain >> lane) & 1) || covers(camera, image, t, k, ray))
-                    put(camera, image, leaf, k, ray, inv_z[lane], mode);
+                put(camera, image, leaf, k, ray, (certain >> lane) & 1, inv_z[lane], mode);
             }
         }
     }
-    // Store a triangle at one of its rays, given 1 / z in single precision.
-    static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image, RayLeaf& leaf,
-                                                          int k, int ray, float inv_z, Mode mode) {
-        const float value = ((leaf.inexact >> k) & 1) ? exact_inv_z(camera, image, leaf, k, ray) : inv_z;
+    static inline Floats within(const Triangles& t, int k, Floats inv_z) {
+        return Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
+    }
+
+    // Store a triangle at one of its rays, given 1 / z in single precision, and whether the ray certainly hits it.
+    static inline __attribute__((always_inline)) void put(const Camera& camera, const Image& image, RayLeaf<KIND>& leaf,
+                                                          int k, int ray, bool certain, float inv_z, Mode mode) {
+        if (!certain && !covers(camera, *image.tree, leaf.triangles, k, ray)) return;
+        const float value = leaf.is_inexact(k) ? exact_inv_z(camera, *image.tree, leaf, k, ray) : inv_z;
         if (value <= clip_inv_z(*image.tree, ray))
             Raster::put(image, ray, value, Raster::id_of(leaf.triangles, k, mode), mode);
     }
 
     // Rasterize all triangles for one ray.
     static inline __attribute__((always_inline)) void rasterize_ray(const Camera& camera, const Image& image,
-                                                                    RayLeaf& leaf, int ray, unsigned candidates,
+                                                                    RayLeaf<KIND>& leaf, int ray, unsigned candidates,
                                                                     Mode mode) {
-        const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
-        const Floats u = Lanes::all(tree.u[ray]), v = Lanes::all(tree.v[ray]);
-        const Linear* e = t.edge;
-        const Floats inner = Lanes::min(e[0].at(u, e[0].row(v)), e[1].at(u, e[1].row(v)), e[2].at(u, e[2].row(v)));
-        unsigned hits = Lanes::bits(inner >= -t.error_bound) & candidates;
+        const auto rays = RayLanes<KIND>::ray(*image.tree, ray);
+        const Floats inner = rays.inner(t);
+        unsigned hits = (Lanes::bits(inner >= -t.error_bound) | leaf.uncertain_side) & candidates;
         if (!hits) return;
-        const unsigned certain = Lanes::bits(inner > t.error_bound);
-        const Floats inv_z = Lanes::max(Lanes::min(t.inv_z.at(u, t.inv_z.row(v)), t.max_inv_z), t.min_inv_z);
+        const unsigned certain = Lanes::bits(inner > t.error_bound) & ~leaf.uncertain_side;
+        const Floats inv_z = Lanes::max(Lanes::min(rays.inv_z(t.inv_z), t.max_inv_z), t.min_inv_z);
         for (; hits; hits &= hits - 1) {
             const int k = Lanes::first_lane(hits);
-            if (((certain >> k) & 1) || covers(camera, image, t, k, ray))
-                put(camera, image, leaf, k, ray, inv_z[k], mode);
+            put(camera, image, leaf, k, ray, (certain >> k) & 1, inv_z[k], mode);
         }
     }
-    static inline float clip_inv_z(const RayTree& tree, int ray) {
-        return tree.scale ? tree.clip_inv_z * tree.scale[ray] : tree.clip_inv_z;
-    }
 
+    // Rasterize one triangle for all rays of a packet. `covered` is true if it certainly covers them; `near` is its
+    // plane, if it has been computed.
     static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
-                                                                     RayLeaf& leaf, int k, int packet, Mode mode) {
-        rasterize_rays(camera, image, leaf, k, packet, false, nullptr, mode);
-    }
-    // Rasterize one triangle for all rays of a packet.
-    static inline __attribute__((always_inline)) void rasterize_rays(const Camera& camera, const Image& image,
-                                                                     RayLeaf& leaf, int k, int packet, bool covered,
-                                                                     const PacketPlane* packet_plane, Mode mode) {
+                                                                     RayLeaf<KIND>& leaf, int k, int packet, Mode mode,
+                                                                     bool covered = false,
+                                                                     const PacketPlane* near = nullptr) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
-        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
         Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
+        if (__builtin_expect(leaf.is_uncertain_side(k), 0)) {
+            for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1)
+                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(remaining), false, 0.0f, mode);
+            return;
+        }
+        const auto rays = RayLanes<KIND>::packet(tree, packet);
         if (!covered) {
-            const Linear e0 = Linear::of_lane(t.edge[0], k), e1 = Linear::of_lane(t.edge[1], k),
-                         e2 = Linear::of_lane(t.edge[2], k);
-            const Floats inner = Lanes::min(e0.at(u, e0.row(v)), e1.at(u, e1.row(v)), e2.at(u, e2.row(v)));
+            const Floats inner = rays.inner(t, k);
             const Ints uncertain = inside & Raster::find_uncertain(inner, t.error_bound[k]);
             inside &= inner > Lanes::all(t.error_bound[k]);
             if (__builtin_expect(Lanes::any(uncertain), 0))
-                inside |= covered_lanes(camera, image, t, k, packet, Lanes::bits(uncertain));
+                inside |= covered_lanes(camera, tree, t, k, packet, Lanes::bits(uncertain));
         }
-        Floats inv_z;
-        if ((leaf.inexact >> k) & 1) {
-            if (!Lanes::any(inside)) return;
-            const ExactPlane& plane = leaf.plane(camera, k);
-            const PacketPlane near = packet_plane ? *packet_plane : PacketPlane::of(camera, tree, plane, packet);
-            inv_z = near.steep ? exact_inv_z(tree, plane, packet) : near.at(u, v);
-        } else {
-            const Linear plane = Linear::of_lane(t.inv_z, k);
-            inv_z = plane.at(u, plane.row(v));
-        }
-        inv_z = Lanes::max(Lanes::min(inv_z, Lanes::all(t.max_inv_z[k])), Lanes::all(t.min_inv_z[k]));
-        if (tree.clip_inv_z < NOWHERE) inside &= inv_z <= clip_inv_z_of(tree, packet);
+        if ((KIND == ORIGIN_RAYS || leaf.is_inexact(k)) && !Lanes::any(inside)) return;
+        const Floats inv_z =
+            within(t, k,
+                   leaf.is_inexact(k) ? exact_inv_z(camera, tree, leaf.plane(camera, k), packet, rays, near)
+                                      : rays.inv_z(Linear::of_lane(t.inv_z, k)));
+        if (KIND == ORIGIN_RAYS || tree.clip_inv_z < NOWHERE) inside &= inv_z <= clip_inv_z_of(tree, packet);
         Raster::blend(image, packet, packet, inside, inv_z, Raster::id_of(t, k, mode), mode);
     }
+
+    // Surfaces that are nearer are clipped.
+    static inline float clip_inv_z(const RayTree& tree, int ray) {
+        if constexpr (KIND == ORIGIN_RAYS) return tree.origins.clip_inv_z[ray];
+        return tree.scale ? tree.clip_inv_z * tree.scale[ray] : tree.clip_inv_z;
+    }
     static inline Floats clip_inv_z_of(const RayTree& tree, int packet) {
+        if constexpr (KIND == ORIGIN_RAYS) return Lanes::load(tree.origins.clip_inv_z + packet * LANES);
         return tree.scale ? tree.clip_inv_z * Lanes::load(tree.scale + packet * LANES) : Lanes::all(tree.clip_inv_z);
     }
 
-    // Unrounded u and v of a packet's rays, and 1 / z at them.
-    static inline Doubles exact_u(const RayTree& tree, int packet) { return exact(tree.u, tree.rest_u, packet); }
-    static inline Doubles exact_v(const RayTree& tree, int packet) { return exact(tree.v, tree.rest_v, packet); }
-    static inline Doubles exact(const float* value, const float* error, int packet) {
-        return __builtin_convertvector(Lanes::load(value + packet * LANES), Doubles) +
-               __builtin_convertvector(Lanes::load(error + packet * LANES), Doubles);
+    // inv_z where single precision does not suffice for the plane: of a packet's rays, or of one ray.
+    static inline Floats exact_inv_z(const Camera& camera, const RayTree& tree, const ExactPlane& plane, int packet,
+                                     const RayLanes<KIND>& rays, const PacketPlane* computed) {
+        if constexpr (KIND == TABLE_RAYS) {
+            const PacketPlane near = computed ? *computed : PacketPlane::of(camera, tree, plane, packet);
+            if (!near.steep) return near.at(rays.u, rays.v);
+        }
+        return exact_inv_z(tree, plane, packet);
     }
     static __attribute__((noinline, cold)) Floats exact_inv_z(const RayTree& tree, const ExactPlane& plane,
                                                               int packet) {
-        const Doubles inv_z = plane.u * exact_u(tree, packet) + (plane.v * exact_v(tree, packet) + plane.one);
-        return __builtin_convertvector(inv_z, Floats);
+        const Doubles inv_z = plane.u * tree.exact_us(packet) + (plane.v * tree.exact_vs(packet) + plane.one);
+        if constexpr (KIND == TABLE_RAYS) return __builtin_convertvector(inv_z, Floats);
+        const Doubles p = RayTree::widen(tree.origins.p, packet), q = RayTree::widen(tree.origins.q, packet);
+        return __builtin_convertvector(inv_z / (1.0 - (plane.u * p + plane.v * q)), Floats);
     }
-    static inline float exact_inv_z(const Camera& camera, const Image& image, RayLeaf& leaf, int k, int ray) {
-        const RayTree& tree = *image.tree;
-        const ExactPlane& plane = leaf.plane(camera, k);
-        const PacketPlane near = PacketPlane::of(camera, tree, plane, ray / LANES);
-        float inv_z = near.at(tree.u[ray], tree.v[ray]);
-        if (near.steep) {
-            const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
-            inv_z = (float)(plane.u * u + (plane.v * v + plane.one));
+    static inline float exact_inv_z(const Camera& camera, const RayTree& tree, RayLeaf<KIND>& leaf, int k, int ray) {
+        float inv_z;
+        if constexpr (KIND == ORIGIN_RAYS) {
+            inv_z = inv_z_of_origin(camera, tree, leaf.triangles, k, ray);
+        } else {
+            const ExactPlane& plane = leaf.plane(camera, k);
+            const PacketPlane near = PacketPlane::of(camera, tree, plane, ray / LANES);
+            inv_z = near.at(tree.u[ray], tree.v[ray]);
+            if (near.steep) inv_z = (float)(plane.u * tree.exact_u(ray) + (plane.v * tree.exact_v(ray) + plane.one));
         }
         const float min_inv_z = leaf.triangles.min_inv_z[k], max_inv_z = leaf.triangles.max_inv_z[k];
         return inv_z < min_inv_z ? min_inv_z : inv_z > max_inv_z ? max_inv_z : inv_z;
     }
 
     // Decide coverage in double precision if an edge function leaves it uncertain.
-    static __attribute__((noinline, cold)) bool covers(const Camera& camera, const Image& image, const Triangles& t,
+    static __attribute__((noinline, cold)) bool covers(const Camera& camera, const RayTree& tree, const Triangles& t,
                                                        int k, int ray) {
-        const RayTree& tree = *image.tree;
-        const double u = (double)tree.u[ray] + tree.rest_u[ray], v = (double)tree.v[ray] + tree.rest_v[ray];
-        return Exactly::covers(camera, t.corners, k, u, v);
+        const double u = tree.exact_u(ray), v = tree.exact_v(ray);
+        if constexpr (KIND == TABLE_RAYS) return Exactly::covers(camera, t.corners, k, u, v);
+        double along[3];
+        camera.ray_at(u, v, along);
+        const ExactCorners seen = corners_of_origin(camera, tree, t, k, ray);
+        const double volume = seen.volume();
+        return !(camera.cull_back_faces && volume > 0.0) && seen.meet(along, volume);
     }
-    static __attribute__((noinline, cold)) Ints covered_lanes(const Camera& camera, const Image& image,
+    static __attribute__((noinline, cold)) Ints covered_lanes(const Camera& camera, const RayTree& tree,
                                                               const Triangles& t, int k, int packet,
                                                               unsigned uncertain) {
         Ints inside = Lanes::all_ints(0);
         for (; uncertain; uncertain &= uncertain - 1) {
             const int lane = Lanes::first_lane(uncertain);
-            if (covers(camera, image, t, k, packet * LANES + lane)) inside[lane] = -1;
+            if (covers(camera, tree, t, k, packet * LANES + lane)) inside[lane] = -1;
         }
         return inside;
+    }
+
+    // A triangle's corners relative to a ray's intersection with the plane of the eye, and 1 / z at the ray.
+    static inline ExactCorners corners_of_origin(const Camera& camera, const RayTree& tree, const Triangles& t, int k,
+                                                 int ray) {
+        ExactCorners seen = Exactly::corners(camera, t.corners, k);
+        const ExactRow* m = camera.exact_to_camera;
+        for (int i = 0; i < 3; ++i) {
+            const double offset = tree.origins.p[ray] * m[0][i] + tree.origins.q[ray] * m[1][i];
+            for (int c = 0; c < 3; ++c) seen.corner[c][i] -= offset;
+        }
+        return seen;
+    }
+    static __attribute__((noinline, cold)) float inv_z_of_origin(const Camera& camera, const RayTree& tree,
+                                                                 const Triangles& t, int k, int ray) {
+        double along[3], normal[3];
+        camera.ray_at(tree.exact_u(ray), tree.exact_v(ray), along);
+        const ExactCorners seen = corners_of_origin(camera, tree, t, k, ray);
+        seen.normal(normal);
+        return (float)(ExactCorners::dot(normal, along) / ExactCorners::dot(normal, seen.corner[0]));
     }
 
     // Render the analytic surface of a solid.

@@ -48,8 +48,8 @@ struct RayOrigins {
     const float* clip_inv_z;  // [packet][lane]: 1 / begin
     const float *row_p, *row_q;  // [tile][row][column], of tiles that have a fit
     const float* range;  // [tile][RANGE_WORDS]: middles of p, q and u q - v p, then the greatest distances from these
-    float max_p, max_q;  // greatest magnitudes in a bundle
-    float reach;  // greatest distance of a ray's origin from the eye [m]
+    float max_p = 0.0f, max_q = 0.0f;  // greatest magnitudes in a bundle
+    float reach = 0.0f;  // greatest distance of a ray's origin from the eye [m]
     enum { RANGE_WORDS = 6 };
 };
 
@@ -73,9 +73,11 @@ struct RayTree {
     float clip_inv_z;  // in terms of depth: nearer surfaces are clipped
     RayOrigins origins;  // only for ORIGIN_RAYS
 
-    // The tree of a `RayBundles` of kernels/casting/ray_bundle_packets.py.
-    template <class RayBundles>
-    static inline RayTree of(const RayBundles& rays, float clip_inv_z) {
+    // The tree of a `TableCall` of kernels/casting/ray_bundle_packets.py.
+    template <class TableCall>
+    static inline RayTree of(const TableCall& call) {
+        const auto& rays = call.rays;
+        const auto& origins = call.origins;
         return RayTree{.group_bounds = rays.group_bounds.data,
                        .tile_bounds = rays.tile_bounds.data,
                        .packet_bounds = rays.packet_bounds.data,
@@ -90,8 +92,23 @@ struct RayTree {
                        .run = rays.run.data,
                        .corner = rays.corner.data,
                        .fit = (const RayFit*)rays.fit.data,
-                       .clip_inv_z = clip_inv_z,
-                       .origins = {}};
+                       .clip_inv_z = call.job.clip_inv_z,
+                       .origins = {.p = origins.p.data,
+                                   .q = origins.q.data,
+                                   .begin = origins.begin.data,
+                                   .clip_inv_z = origins.clip_inv_z.data,
+                                   .row_p = origins.row_p.data,
+                                   .row_q = origins.row_q.data,
+                                   .range = origins.range.data}};
+    }
+
+    // Unrounded u and v of a ray, and of a packet's rays.
+    inline double exact_u(int ray) const { return (double)u[ray] + rest_u[ray]; }
+    inline double exact_v(int ray) const { return (double)v[ray] + rest_v[ray]; }
+    inline Doubles exact_us(int packet) const { return widen(u, packet) + widen(rest_u, packet); }
+    inline Doubles exact_vs(int packet) const { return widen(v, packet) + widen(rest_v, packet); }
+    static inline Doubles widen(const float* rays, int packet) {
+        return __builtin_convertvector(Lanes::load(rays + packet * LANES), Doubles);
     }
 
     // Load 4 x 4 rays from rows of `width` rays.

@@ -160,7 +160,7 @@ struct Setup {
     }
 
     // Find triangles of which rays may see another side than the eye does, or nearly so: 1 - N . (p, q, 0), the
-    // denominator of 1 / z (ray_raster_origins.h), is not always above 0.5.
+    // denominator of 1 / z (ray_raster.h), is not always above 0.5.
     static inline Ints find_uncertain_sides(const RayOrigins& origins, const Points& normal, Floats volume,
                                             Floats volume_error, Triangles& out) {
         const Floats aside = Lanes::abs(normal.x) * origins.max_p + Lanes::abs(normal.y) * origins.max_q;

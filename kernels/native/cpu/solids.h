@@ -13,8 +13,6 @@
 
 #include "cpu/raster.h"
 
-typedef double Doubles __attribute__((ext_vector_type(LANES)));
-
 // Points in double precision, one per lane.
 struct ExactPoints {
     Doubles x, y, z;

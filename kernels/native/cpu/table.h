@@ -49,25 +49,15 @@ struct TablePackets {
 struct TableLaunch : Launch {
     // See kernels/casting/ray_bundle_packets.py.
     template <RayKind KIND, class TableCall, class Outputs>
-    static inline void cast(const TableCall& call, const TableJob& job, const Outputs& images) {
+    static inline void table(const TableCall& call, const Outputs& images) {
         const Scene scene = Scene::of(call.scene, call.worlds);
         const Images out = Images::of(images, call.scene);
+        const TableJob job = TableJob::of(call);
         worker(
             call.job,
             [&](Arena& arena) { return TableMemory::carve(arena, job, scene.movables.count, call.scene.levels); },
             [&](const TableMemory& memory) {
                 TablePackets<KIND>::run(scene, job, out, memory, call.job.counter.data);
             });
-    }
-    template <class TableCall, class Outputs>
-    static inline void table(const TableCall& call, const Outputs& images) {
-        cast<TABLE_RAYS>(call, TableJob::of(call), images);
-    }
-    // See kernels/casting/ray_origin_packets.py.
-    template <class RayOriginCall, class Outputs>
-    static inline void origins(const RayOriginCall& call, const Outputs& images) {
-        TableJob job = TableJob::of(call);
-        job.set_origins(call.origins);
-        cast<ORIGIN_RAYS>(call, job, images);
     }
 };

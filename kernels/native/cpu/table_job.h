@@ -60,25 +60,12 @@ struct TableJob {
                         .clip_reach = job.clip_reach,
                         .cull_back_faces = job.cull_backfaces != 0,
                         .poses = (const float*)call.poses.data,
-                        .tree = RayTree::of(rays, job.clip_inv_z),
+                        .tree = RayTree::of(call),
                         .without_ray = rays.without_ray.data,
                         .without_rays = rays.without_ray.shape[0],
                         .max_groups = rays.max_groups,
-                        .eye = nullptr,
-                        .origins = nullptr};
-    }
-    // Set the origins of rays to a `RayOrigins` of kernels/casting/ray_origin_packets.py.
-    template <class CallOrigins>
-    inline void set_origins(const CallOrigins& rays) {
-        eye = rays.eye.data;
-        origins = rays.maxima.data;
-        tree.origins.p = rays.p.data;
-        tree.origins.q = rays.q.data;
-        tree.origins.begin = rays.begin.data;
-        tree.origins.clip_inv_z = rays.clip_inv_z.data;
-        tree.origins.row_p = rays.row_p.data;
-        tree.origins.row_q = rays.row_q.data;
-        tree.origins.range = rays.range.data;
+                        .eye = call.origins.eye.data,
+                        .origins = call.origins.maxima.data};
     }
 
     // The bundle as a job of a pinhole camera.

@@ -84,8 +84,7 @@ struct TableWriter {
         if constexpr (KIND == ORIGIN_RAYS) return toward(packet, writer.triangle_normals(id, Lanes::bits(seen)));
         if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
         Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
-        const Ints solid = writer.lookup.solid_normals(id, seen, RayRaster::exact_u(tree, packet),
-                                                       RayRaster::exact_v(tree, packet), round);
+        const Ints solid = writer.lookup.solid_normals(id, seen, tree.exact_us(packet), tree.exact_vs(packet), round);
         const Points n = writer.triangle_normals(id, Lanes::bits(seen & ~solid));
         return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
     }

@@ -5,7 +5,7 @@
 
 #pragma once
 
-#include "cpu/ray_raster_origins.h"
+#include "cpu/ray_raster.h"
 #include "cpu/sparse.h"
 
 // Greater than every inv_z: sorts lanes that are not shown to the end, where the nearest one is.
@@ -234,10 +234,8 @@ struct Walk {
             triangles.owners = instance.owners + leaf * instance.owner_step;
             triangles.first_id = (int)leaf * LANES + instance.first_id;
             if (!Setup::leaf<KIND>(camera, image, triangles)) continue;
-            if constexpr (KIND == ORIGIN_RAYS)
-                OriginRaster::rasterize(camera, image, triangles, visit, mode);
-            else if constexpr (KIND == TABLE_RAYS)
-                RayRaster::rasterize(camera, image, triangles, visit, mode);
+            if constexpr (KIND != PIXEL_RAYS)
+                RayRaster<KIND>::rasterize(camera, image, triangles, visit, mode);
             else if (image.first_packet)
                 Sparse::rasterize(camera, image, triangles,
                                   triangles.inexact | Raster::has_unstable_plane(camera, triangles), mode);

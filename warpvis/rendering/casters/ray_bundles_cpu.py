@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -81,16 +81,13 @@ class CpuRayBundleCaster(CpuCaster):
         return camera.prepared("packets", lambda: prepare_rays(camera.rays.reshape(camera.height, camera.width, 3)))
 
     def _make_workspace(self, views: int, scene: BvhScene, workers: int) -> Workspace:
-        from warpvis.kernels.casting.ray_bundle_packets import TableCall, cast_table_packets
-        from warpvis.kernels.casting.ray_origin_packets import RayOriginCall, cast_ray_origin_packets
+        from warpvis.kernels.casting.ray_bundle_packets import TableCall, cast_ray_origin_packets, cast_table_packets
 
-        has_origins = self._origins is not None
-        call_type: Any = RayOriginCall if has_origins else TableCall
-        call, kernel = call_type(), cast_ray_origin_packets if has_origins else cast_table_packets
+        call, kernel = TableCall(), cast_table_packets
         if self._origins is not None:
-            call.origins = self._origins.struct
+            call.origins, kernel = self._origins.struct, cast_ray_origin_packets
         call.rays = self._rays.struct
-        return Workspace(scene, kernel, (call, call_type), self._make_job(views), workers)
+        return Workspace(scene, kernel, (call, TableCall), self._make_job(views), workers)
 
     def _make_job(self, views: int) -> TableJob:
         from warpvis.kernels.casting.ray_bundle_packets import TableJob

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Packets of rays with distinct origins: when they can be used, and their preparation for CPU cores.
 
-Computed in double precision, once per ray table; used by ``kernels/native/cpu/ray_raster_origins.h``.
+Computed in double precision, once per ray table; used by ``kernels/native/cpu/ray_raster.h``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, component, p
 
 if TYPE_CHECKING:
     from warpvis.cameras.rays import RayCamera
-    from warpvis.kernels.casting.ray_origin_packets import RayOrigins
+    from warpvis.kernels.casting.ray_bundle_packets import RayOrigins
     from warpvis.kernels.casting.worlds import Worlds
     from warpvis.scene import Scene
 
@@ -60,7 +60,7 @@ def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
 
 def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedRayOrigins:
     """Prepare rays of the camera frame, shape (H, W, 3), as `prepare_rays` does, and their origins, shape (H, W, 3)."""
-    from warpvis.kernels.casting.ray_origin_packets import RayOrigins
+    from warpvis.kernels.casting.ray_bundle_packets import RayOrigins
 
     prepared = prepare_rays(rays)
     bundle_arrays, ray_origins = prepared.struct, origins.reshape(-1, 3)
