@@ -110,11 +110,7 @@ def _head(source: Path | bytes) -> bytes:
 
 
 def read_json(path: Path) -> Json:
-    """Read a JSON file.
-
-    Raises:
-        FileFormatError: If the file cannot be read or is not JSON; the message contains the line number.
-    """
+    """Read a JSON file."""
     text = read_text(path, "a JSON text file")
     try:
         return json.loads(text)

@@ -54,11 +54,7 @@ def load_module(kernel: wp.Kernel, device: wp.Device | None = None, block_dim: i
 
     Threads must not load a module concurrently, and a file lock in the cache lets other processes wait for the first
     one instead of compiling again. The operating system releases the lock when its process ends, even after a crash.
-
-    Args:
-        kernel: The kernel.
-        device: Device of the launch; the CPU by default.
-        block_dim: Number of threads in a block on a GPU; the default of `wp.launch` if not given.
+    `device` and `block_dim` are those of the launch, by default the CPU and the default of `wp.launch`.
     """
     module = kernel.module
     device = wp.get_device("cpu") if device is None else device

@@ -23,11 +23,7 @@ def plugin_names(group: str) -> tuple[str, ...]:
 
 
 def load_plugin(group: str, name: str) -> Any | None:
-    """Import and return the object of an entry point, or return None for an unknown name.
-
-    Raises:
-        FileFormatError: If its module cannot be imported, or lacks the object.
-    """
+    """Import and return the object of an entry point, or return None for an unknown name."""
     entry = next(iter(entry_points(group=group, name=name)), None)
     if entry is None:
         return None

@@ -155,7 +155,6 @@ def to_laserscan(
         types: A type store of rosbags; by default ROS's own classes, which must be installed.
 
     Raises:
-        ArrayError: If the arrays are invalid, or the rays are not in the plane or not evenly spaced.
         MessageError: If another argument is invalid, or ROS is not installed.
     """
     maker = MessageMaker(types)
@@ -214,8 +213,7 @@ def _even_times(times: NDArray[np.float64]) -> float:
 def register_livox_types(types: MessageTypes) -> None:
     """Add the messages of livox_ros_driver2, CustomMsg and CustomPoint, to a type store of rosbags, if missing.
 
-    Args:
-        types: A type store of ROS 2, such as from `rosbags.typesys.get_typestore`.
+    The type store is of ROS 2, such as from `rosbags.typesys.get_typestore`.
     """
     MessageMaker(types)  # checks the type store
     store: Any = types

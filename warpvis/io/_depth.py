@@ -99,13 +99,10 @@ def missing_units(units: NDArray[np.integer]) -> NDArray[np.bool_]:
 
 
 def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
-    """Encode an image as a grayscale PNG file.
+    """Encode an image of 8 or 16 bits, shape ``(H, W)``, as a grayscale PNG file.
 
     The bytes depend on the image and on the version of zlib. Most of the time is spent without the GIL, so that several
     threads can encode in parallel.
-
-    Args:
-        image: Pixels of 8 or 16 bits, shape ``(H, W)``.
     """
     if image.ndim != 2 or image.dtype not in (np.uint8, np.uint16) or not image.size:
         raise ArrayError(f"a PNG image must be uint8 or uint16 of shape (H, W), got {image.dtype} of {image.shape}")

@@ -79,10 +79,7 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
 
     32FC1 is returned unchanged, with +inf, -inf and NaN as defined by REP 117. 16UC1 is in millimeters: 0 becomes NaN,
     not measured, and so does 65535, which some drivers write for the same or for a limit. Both byte orders and padded
-    rows are supported.
-
-    Args:
-        message: A message of ROS 2, rosbags or ROS 1, or any object with its fields.
+    rows are supported. The message is of ROS 2, rosbags or ROS 1, or any object with its fields.
 
     Raises:
         MessageError: If it is not an Image, has another encoding, or has too few or too many bytes.

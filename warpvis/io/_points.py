@@ -39,9 +39,6 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     All other files are text with lines ``x y z``, separated by spaces or commas; empty lines, lines that begin with
     ``#``, and a header line ``x y z`` are skipped.
 
-    Args:
-        path: The file.
-
     Returns:
         Points in the file's order, shape ``(N, 3)``.
 

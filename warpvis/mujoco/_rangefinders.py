@@ -61,15 +61,10 @@ class Rangefinders:
     """
 
     def __init__(self, model: mujoco.MjModel, *, threads: int | None = None, device: DeviceLike = "cpu") -> None:
-        """Read sensors and shapes from the model.
+        """Read sensors and shapes from the model, to cast rays on a device.
 
         `read` follows later changes of the model: sizes, opacity, materials, vertices of meshes, heights of fields,
-        cutoffs and fields of view.
-
-        Args:
-            model: A `mujoco.MjModel` with rangefinder sensors.
-            threads: CPU threads to use; all cores of this process by default.
-            device: Where to cast rays.
+        cutoffs and fields of view. By default it uses all cores of this process.
 
         Raises:
             SceneError: If the model has none, has a signed distance field that a ray may hit (MuJoCo uses ray marching

@@ -31,12 +31,7 @@ class Kinematics:
     """Computes poses from joint positions or states with MuJoCo on several threads."""
 
     def __init__(self, model: mujoco.MjModel, *, threads: int | None = None) -> None:
-        """Prepare to compute poses.
-
-        Args:
-            model: A `mujoco.MjModel`.
-            threads: CPU threads to use; all cores of this process by default.
-        """
+        """Prepare to compute poses on a number of CPU threads; by default all cores of this process."""
         if not isinstance(model, mujoco.MjModel):
             raise ArrayError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
         self._model = model

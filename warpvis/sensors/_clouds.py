@@ -135,7 +135,6 @@ def deskew(points: Any, motion: Motion, *, times: ArrayLike | None = None, targe
         The points in the form in which they were given: clouds with all their fields, arrays in double precision.
 
     Raises:
-        ArrayError: If an argument is invalid, or if the motion does not cover some of the times.
         PoseError: If the poses of the motion are on a GPU, or are poses of rays.
     """
     if not isinstance(motion, Motion):

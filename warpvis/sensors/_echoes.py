@@ -151,9 +151,6 @@ def reflect(
 
     Returns:
         Intensities, shape ``(V, *rays)``, float32; 0 where a ray hits nothing.
-
-    Raises:
-        SceneError: If the scene has no object with a name given in `reflectivity`.
     """
     from warpvis.kernels.sensors.echoes import reflect_rays
 

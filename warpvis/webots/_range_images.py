@@ -199,16 +199,10 @@ def render_lidar(
     As in Webots, back faces are invisible, and transparent objects and the robot's own body are visible. The image of a
     rotating lidar is that of one revolution in a static world.
 
-    Args:
-        world: The world, from `load_webots`.
-        lidar_name: The lidar.
-        webots_version: By default, ranges are exact, along `Lidar.rays`. A release, as for `render_range`, determines
-            limits and resolution of ranges along `Lidar.drawn_rays`; geometry nearer than `Lidar.near` does not
-            occlude. Webots samples rendered images whose pixels are as wide as columns; ranges here are computed
-            exactly along the rays.
-        exclude_body: As for `render_range`.
-        seed: As for `render_range`.
-        threads: As for `render_range`.
+    Arguments are as for `render_range`. By default, ranges are exact, along `Lidar.rays`. A release as `webots_version`
+    determines limits and resolution of ranges along `Lidar.drawn_rays`; geometry nearer than `Lidar.near` does not
+    occlude. Webots samples rendered images whose pixels are as wide as columns; ranges here are computed exactly along
+    the rays.
 
     Returns:
         Ranges [m], shape ``(layers, columns)``: lengths of the rays (REP 117: +inf for no hit or one farther than

@@ -136,9 +136,6 @@ def read_poses(path: str | os.PathLike[str]) -> tuple[NDArray[np.float64], NDArr
 
     Empty lines and lines that begin with ``#`` are skipped.
 
-    Args:
-        path: Text file.
-
     Returns:
         Timestamps [s], shape ``(V,)``, and rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
 

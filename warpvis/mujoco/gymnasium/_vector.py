@@ -67,24 +67,12 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
-        """Wrap a vector environment.
+        """Wrap a vector environment: a SyncVectorEnv or an AsyncVectorEnv of environments of one model.
 
-        Args:
-            env: A SyncVectorEnv or an AsyncVectorEnv of environments of one model, each in a `PoseObservation`.
-            camera: As for `DepthObservation`.
-            width: Image width [px].
-            height: Image height [px].
-            outputs: As for `DepthObservation`.
-            objects: As for `DepthObservation`.
-            segmentation: As for `DepthObservation`.
-            fill: As for `DepthObservation`.
-            sensor: As for `DepthObservation`, with the same noise for each environment.
-            scene_option: As for `BatchRenderer`, which draws geoms and sites.
-            movable: Static bodies and geoms that environments move in their models, by name or pattern, or ``"all"``;
-                as for `BatchRenderer`.
-            device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
-            threads: Number of CPU threads; by default all cores available to the process, since workers are idle
-                during rendering.
+        Arguments are as for `DepthObservation`, with these differences: `scene_option` is as for `BatchRenderer`, which
+        draws geoms and sites; `movable`, also as for `BatchRenderer`, are static bodies and geoms that environments
+        move in their models, by name or pattern, or ``"all"``; and `threads` are by default all cores available to the
+        process, since workers are idle during rendering. A sensor has the same noise for each environment.
         """
         if not isinstance(env, gym.vector.VectorEnv):
             raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")

@@ -63,9 +63,6 @@ class Latency:
         Returns:
             The views with delayed `depth`, `points` and `reasons`. These are copies: later calls do not change them
             unless they are passed as `out`.
-
-        Raises:
-            ArrayError: If there is no depth, if shape or device of the views have changed, or if `frame` is invalid.
         """
         from warpvis.kernels.sensors.latency import SensorImages, delay_images
 
