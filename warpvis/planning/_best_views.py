@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
@@ -24,9 +24,12 @@ from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import Agent, Candidate, FieldOfView, State, choose_objects, see_objects
 
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
+
 Measure = Literal["fraction", "pixels"]
 
-_FIELDS = {"fraction": "fraction", "pixels": "visible_pixels"}
+_FIELDS = {"fraction": ("fraction", wp.float32), "pixels": ("visible_pixels", wp.int32)}
 
 # Candidates times objects that are evaluated per call, whose counters take 150 MB.
 _AT_A_TIME = 1 << 21
@@ -205,10 +208,9 @@ def best_views(
         needed = "a path to it" if radius is None else "a path to it and room for the robot"
         raise ArrayError(f"at least one candidate must have {needed}, got {len(rows)} without")
     values = np.full((len(rows), len(chosen)), np.nan, dtype=np.float32)
-    options = {**surroundings, "objects": chosen, "delta": delta, "skip_unseen": True, "threads": threads}
-    if measure == "pixels":
-        options["canvas"] = (0, 0, 0, 0)
-    values[free] = _measure(scene, camera, rows[free], _FIELDS[measure], options)
+    options = {"delta": delta, "threads": threads, "canvas": (0, 0, 0, 0) if measure == "pixels" else None}
+    worlds = parse_worlds(scene, len(rows), world_index=None, **surroundings)
+    values[free] = _measure(scene, camera, rows[free], worlds, chosen, measure, options)
     scores = np.full(len(rows), -np.inf, dtype=np.float32)
     scores[free] = values[free].astype(np.float64) @ (weights / weights.sum())
     order = np.flatnonzero(free)
@@ -221,20 +223,22 @@ def best_views(
 
 
 def _measure(
-    scene: Scene, camera: ImageCamera, rows: NDArray[np.float64], field: str, options: dict[str, Any]
+    scene: Scene,
+    camera: ImageCamera,
+    rows: NDArray[np.float64],
+    world: Worlds,
+    chosen: list[int],
+    measure: Measure,
+    options: dict[str, Any],
 ) -> np.ndarray:
     """Return one field of `object_visibility` for all poses, ``(C, K)``, with a single transfer to the host."""
-    objects = options["objects"]
-    poses = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device)
-    values = None
-    step = max(1, _AT_A_TIME // len(objects))
+    poses, (field, dtype) = wp.array(rows.astype(np.float32), dtype=wp.transform, device=scene.device), _FIELDS[measure]
+    values = empty((len(rows), len(chosen)), dtype, name="values", device=scene.device)
+    step = max(1, _AT_A_TIME // len(chosen))
     for first in range(0, len(rows), step):
         part = slice(first, min(first + step, len(rows)))
-        seen = getattr(see_objects(scene, camera, poses[part], **options), field)
-        if values is None:
-            values = empty((len(rows), len(objects)), seen.dtype, name="values", device=scene.device)
-        wp.copy(values[part], seen)
-    assert values is not None  # there is at least one candidate
+        found = see_objects(scene, camera, poses[part], world, chosen, skip_unseen=True, **options)
+        wp.copy(values[part], getattr(found, field))
     return values.numpy()
 
 

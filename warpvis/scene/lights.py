@@ -122,7 +122,6 @@ class Light:
 
         It is 1 for ambient, directional and headlights. For other lights, at the distance d and the angle t from a
         spot's axis, with inner and outer angles i and o:
-        the inner and the outer angle i and o:
 
         - It is divided by ``a + b d + c d**2``, and zero beyond `reach`.
         - ``"opengl"``: times ``cos(t) ** exponent``, zero where ``t > o``; a spot with ``o = pi`` is a point light.

@@ -89,7 +89,7 @@ class Texture:
         if isinstance(self.source, np.ndarray):
             return self.source
         if "_decoded" not in self.__dict__:
-            object.__setattr__(self, "_decoded", decoded_or_white(self.source, self.name))
+            object.__setattr__(self, "_decoded", pixels_or_white(self.source, self.name))
         return self.__dict__["_decoded"]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -298,25 +298,19 @@ def _image(image: ArrayLike, name: str) -> NDArray[np.uint8]:
     return rows.copy()
 
 
-def decoded_or_white(source: Path | bytes, name: str) -> NDArray[np.uint8]:
-    """Decode an image file, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
+def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8]:
+    """Decode an image, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
     from PIL import Image
 
-    if isinstance(source, bytes) and not source:
+    if source == b"":
         source = Path()  # the image was not found: opening this fails
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow warns of large images that it still reads
+            if not isinstance(source, bytes | Path):
+                return pixels(source)
             with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
                 return pixels(image)
-    except Exception as error:  # decoders may raise any exception
-        return _white(error, name)
-
-
-def pixels_or_white(image: Image, name: str) -> NDArray[np.uint8]:
-    """Return the pixels of a Pillow image, which may be decoded only now; warn and return `WHITE` if it cannot be."""
-    try:
-        return pixels(image)
     except Exception as error:  # decoders may raise any exception
         return _white(error, name)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,11 +112,9 @@ class AgentPicture:
         return _color_table()[index]
 
 
-def with_view(
-    camera: Camera, *, hfov: float | None = None, near: float | None = None, far: float | None = None
-) -> Camera:
+def with_view(camera: Camera, *, hfov: float | None = None, far: float | None = None) -> Camera:
     """Return a camera with another field of view or range and the same image size, center and pixel aspect ratio."""
-    fields: dict[str, Any] = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
+    fields = {} if far is None else {"far": far}
     if hfov is not None:
         factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)
         fields |= {"fx": camera.fx * factor, "fy": camera.fy * factor}

@@ -8,6 +8,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -15,17 +16,20 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import check_length, empty
-from warpvis.core.checks import as_items, check_flag
+from warpvis.core.checks import as_items, check_flag, check_whole, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Visibility
 from warpvis.core.pose_order import warn_of_order
-from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, to_xyzw
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import CasterName, Output, Renderer, Views, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 from warpvis.visibility._silhouettes import SilhouetteCounter
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
 
 BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
@@ -128,88 +132,74 @@ def object_visibility(
         caster: As for `Renderer`.
         threads: CPU threads to use; all cores of this process by default.
     """
-    found = see_objects(
-        scene,
-        camera,
-        camera_to_world,
-        objects=objects,
-        delta=delta,
-        canvas=canvas,
-        min_pixels=min_pixels,
-        skip_unseen=skip_unseen,
-        masks=masks,
-        object_poses=object_poses,
-        world_index=world_index,
-        exclude=exclude,
-        convention=convention,
-        quaternion=quaternion,
-        caster=caster,
-        threads=threads,
-    )
-    if scene.device.is_cpu and len(found.status):
-        if quaternion == "xyzw":
-            warn_of_order(camera_to_world, convention)
-        poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
-        excluded = parse_worlds(scene, len(poses), object_poses, world_index, exclude).excluded
-        _warn_of_blindness(scene, camera, poses, found, seen_objects(scene, excluded), object_poses is not None)
-    return found
-
-
-def see_objects(
-    scene: Scene,
-    camera: ImageCamera,
-    camera_to_world: PoseLike,
-    *,
-    objects: Sequence[str | int] | None = None,
-    delta: float = 0.0,
-    canvas: tuple[int, int, int, int] | None = None,
-    min_pixels: int = 1,
-    skip_unseen: bool = False,
-    masks: bool = False,
-    object_poses: ObjectPoses = None,
-    world_index: ArrayInput | None = None,
-    exclude: Excluded = None,
-    convention: Convention = "opencv",
-    quaternion: QuaternionOrder = "xyzw",
-    caster: CasterName = "auto",
-    threads: int | None = None,
-) -> ObjectVisibility:
-    """Implement `object_visibility` without warnings about unusual arguments."""
-    from warpvis.kernels.constants import SILHOUETTE_COUNTERS
-    from warpvis.kernels.visibility.silhouettes import judge_silhouettes
-
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene)
     require_image_camera(camera)
     scene.require_objects()
     chosen = choose_objects(scene, objects)
-    delta, min_pixels, canvas = (
-        check_length(delta, "delta"),
-        _check_min_pixels(min_pixels),
-        _check_canvas(canvas, camera),
+    poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
+    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
+    options = {"skip_unseen": check_flag(skip_unseen, "skip_unseen"), "masks": check_flag(masks, "masks")}
+    found = see_objects(
+        scene,
+        camera,
+        poses,
+        worlds,
+        chosen,
+        delta=delta,
+        canvas=canvas,
+        min_pixels=min_pixels,
+        caster=caster,
+        threads=threads,
+        **options,
     )
-    device = scene.device
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
-    views, count = len(poses), len(chosen)
-    worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
+    if scene.device.is_cpu and len(poses):
+        if quaternion == "xyzw":
+            warn_of_order(camera_to_world, convention)
+        rows, seen = poses.numpy(), seen_objects(scene, worlds.excluded)
+        _warn_of_blindness(scene, camera, rows, found, seen, object_poses is not None)
+    return found
+
+
+def see_objects(
+    scene: Scene,
+    camera: ImageCamera,
+    poses: wp.array,
+    worlds: Worlds,
+    chosen: Sequence[int],
+    *,
+    delta: float = 0.0,
+    canvas: tuple[int, int, int, int] | None = None,
+    min_pixels: int = 1,
+    skip_unseen: bool = False,
+    masks: bool = False,
+    caster: CasterName = "auto",
+    threads: int | None = None,
+) -> ObjectVisibility:
+    """Measure objects, by index, at parsed poses in parsed worlds; see `object_visibility`."""
+    from warpvis.kernels.constants import SILHOUETTE_COUNTERS
+    from warpvis.kernels.visibility.silhouettes import judge_silhouettes
+
+    delta, min_pixels = check_length(delta, "delta"), check_whole(min_pixels, "min_pixels")
+    canvas = _check_canvas(canvas, camera)
+    views, count, device = len(poses), len(chosen), scene.device
 
     # Surfaces outside the depth range occlude too.
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)
     outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
-    kind, threads = renderer.caster, renderer.threads
     counter = SilhouetteCounter(
         scene,
         camera,
         chosen,
         canvas=canvas,
         delta=delta,
-        skip_unseen=check_flag(skip_unseen, "skip_unseen"),
-        caster=kind,
-        threads=threads,
+        skip_unseen=skip_unseen,
+        caster=renderer.caster,
+        threads=renderer.threads,
     )
-    counted, result = _allocate(scene, chosen, (views, count), camera if check_flag(masks, "masks") else None)
+    counted, result = _allocate(scene, chosen, (views, count), camera if masks else None)
     seen = None
     for part in _batches(views, camera, len(outputs), len(scene) * count, device):
         size, part_worlds = part.stop - part.start, part_of(worlds, part)
@@ -253,7 +243,7 @@ def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[in
     for item in items:
         if isinstance(item, str):
             chosen.append(scene.index(item))
-        elif isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < len(scene):
+        elif is_whole(item) and 0 <= item < len(scene):
             chosen.append(int(item))
         else:
             raise SceneError(f"objects must be names, or indices from 0 to {len(scene) - 1}, got {item!r}")
@@ -293,12 +283,6 @@ def _first(views: Views | None, size: int) -> Views | None:
         return None
     images = {"depth": views.depth, "segmentation": views.segmentation}
     return Views(**{name: image if image is None else image[:size] for name, image in images.items()})
-
-
-def _check_min_pixels(min_pixels: int) -> int:
-    if isinstance(min_pixels, bool) or not isinstance(min_pixels, int | np.integer) or min_pixels < 1:
-        raise ArrayError(f"min_pixels must be a whole number from 1 up, got {min_pixels!r}")
-    return int(min_pixels)
 
 
 def _check_canvas(canvas: Sequence[float] | None, camera: ImageCamera) -> tuple[int, int, int, int]:

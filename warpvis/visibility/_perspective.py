@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.checks import as_items, format_fraction, is_number
 from warpvis.core.labels import Label, LabelNames, Visibility
-from warpvis.core.poses import QuaternionOrder, to_xyzw
+from warpvis.core.poses import QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._agents import Agent, Situations
 from warpvis.visibility._objects import ObjectVisibility, choose_objects, see_objects
 
@@ -349,22 +350,13 @@ class _Measurement:
     def _see(
         self, agent: Agent, camera: ImageCamera, poses: NDArray[np.float64], canvas: tuple[int, int, int, int]
     ) -> ObjectVisibility:
-        world_index = self.situations.world_index
+        situations, scene = self.situations, self.scene
         # An agent with one pose in a single world is measured once for all situations.
-        views = len(poses) if world_index is None else self.situations.count
-        return see_objects(
-            self.scene,
-            camera,
-            np.broadcast_to(poses, (views, 7)),
-            objects=self.indices,
-            delta=self.delta,
-            canvas=canvas,
-            min_pixels=self.min_pixels,
-            object_poses=self.situations.object_poses,
-            world_index=world_index,
-            exclude=agent.body or None,
-            threads=self.threads,
-        )
+        views = len(poses) if situations.world_index is None else situations.count
+        rows = parse_poses(np.broadcast_to(poses, (views, 7)), device=scene.device)
+        worlds = parse_worlds(scene, views, situations.object_poses, situations.world_index, agent.body or None)
+        options = {"delta": self.delta, "min_pixels": self.min_pixels, "threads": self.threads}
+        return see_objects(scene, camera, rows, worlds, self.indices, canvas=canvas, **options)
 
 
 def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -25,7 +25,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_po
 from warpvis.core.threads import check_threads, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.rendering import CasterName, Output, Renderer, Views, choose_caster, render_along
+from warpvis.rendering import CasterName, Output, Renderer, choose_caster, render_along
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 from warpvis.visibility._point_packets import judge_by_packets
@@ -102,6 +102,8 @@ def point_visibility(
         worlds = parse_worlds(scene, len(rows), **arrangement)
         judge_by_packets(scene, camera, rows, worlds, places, tolerance, status, hidden_by, check_threads(threads))
     else:
+        from warpvis.kernels.visibility.points import judge_points
+
         poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
         pixels, depth = _project(camera, poses, points, threads)
         status, hidden_by = _empty_judgment(depth.shape, occluders, scene.device)
@@ -111,7 +113,11 @@ def point_visibility(
         renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
         if depth.size:
             seen = renderer.render_at(poses, pixels, **arrangement)
-            _judge(camera, pixels, depth, seen, tolerance, status, hidden_by, threads)
+            inputs = [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
+            lens, device = camera.device_struct(), scene.device
+            launch_points(
+                judge_points, depth.shape, lambda window: [lens, window, *inputs], device=device, threads=threads
+            )
     return (status, hidden_by) if occluders else status
 
 
@@ -197,25 +203,6 @@ def _project(camera: Camera, poses: wp.array, points: ArrayInput, threads: int |
 def _empty_judgment(shape: tuple[int, ...], occluders: bool, device: wp.Device) -> tuple[wp.array, wp.array | None]:
     status = empty(shape, wp.uint8, name="status", device=device)
     return status, empty(shape, wp.int32, name="occluders", device=device) if occluders else None
-
-
-def _judge(
-    camera: Camera,
-    pixels: wp.array,
-    depth: wp.array,
-    seen: Views,
-    tolerance: float,
-    status: wp.array,
-    hidden_by: wp.array | None,
-    threads: int | None,
-) -> None:
-    """Write the visibility of projected points from images rendered at their positions."""
-    from warpvis.kernels.visibility.points import judge_points
-
-    lens, inputs = camera.device_struct(), [pixels, depth, seen.depth, seen.segmentation, tolerance, status, hidden_by]
-    launch_points(
-        judge_points, depth.shape, lambda window: [lens, window, *inputs], device=status.device, threads=threads
-    )
 
 
 @dataclass(frozen=True)

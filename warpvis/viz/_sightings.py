@@ -16,11 +16,12 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_text, format_fraction
 from warpvis.core.labels import Visibility
-from warpvis.core.poses import Convention, QuaternionOrder, to_xyzw
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.rendering import render
 from warpvis.scene import Scene
-from warpvis.visibility import point_visibility, see_objects
+from warpvis.scene.worlds import parse_worlds
+from warpvis.visibility import choose_objects, point_visibility, see_objects
 from warpvis.viz._drawing import light_on, one_pose, to_picture
 from warpvis.viz._figures import new_figure, save_figure
 
@@ -101,7 +102,8 @@ def save_sightings(
     worlds = {"object_poses": to_xyzw(object_poses, quaternion, "object_poses"), "exclude": exclude}
     views = render(scene, camera, pose, outputs=("depth", "normals"), **worlds)
     depth, normals = views.depth.numpy()[0], views.normals.numpy()[0]
-    found = see_objects(scene, camera, pose, objects=objects, masks=True, **worlds)
+    parsed = parse_poses(pose, device=scene.device), parse_worlds(scene, 1, world_index=None, **worlds)
+    found = see_objects(scene, camera, *parsed, choose_objects(scene, objects), masks=True)
     assert found.masks is not None  # requested above
     masks, statuses, fractions = (array.numpy()[0] for array in (found.masks, found.status, found.fraction))
     in_view = np.flatnonzero(statuses != Visibility.OUT_OF_VIEW)
