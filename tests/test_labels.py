@@ -19,7 +19,7 @@ import warpvis as wv
 from warpvis.core.labels import LabelNames, LabelRules
 from warpvis.mujoco import BatchRenderer, Renderer, scene_from_mujoco
 from warpvis.viz import STATE_COLORS
-from warpvis.viz._agent_views import PanelData
+from warpvis.viz._drawing import PanelData
 from warpvis.viz._perspective import _floor_map
 from warpvis.webots import load_webots
 

@@ -14,7 +14,7 @@ import warpvis as wv
 from warpvis import scenes
 from warpvis.visibility import Agent, FieldOfView, State, perspective
 from warpvis.viz import STATE_COLORS, save_perspective, save_point_sightings, save_sightings
-from warpvis.viz._agent_views import PanelData, agent_view, views_of_faces
+from warpvis.viz._drawing import PanelData, agent_view, views_of_faces
 from warpvis.viz._perspective import _floor_map, draw_perspective
 from warpvis.viz._sightings import OBJECT_COLORS, STATUS_COLORS
 

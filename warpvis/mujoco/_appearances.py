@@ -19,9 +19,8 @@ from warpvis.mujoco._model_fields import DEFAULT_COLOR, MATERIAL_FIELDS, check_l
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.colors import linear_color
 from warpvis.scene.lights import Background, Light, LightKind
-from warpvis.scene.materials import Appearance, Material, Texture
+from warpvis.scene.materials import Appearance, Material, Texture, linear_color
 from warpvis.scene.solids import Solid
 
 Color = tuple[float, float, float, float]

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.scene._object import SceneObject
-from warpvis.scene.colors import linear_color, screen_color
 from warpvis.scene.lights import Background, Falloff, Light
-from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap
+from warpvis.scene.materials import Appearance, Filter, Material, Projection, Texture, Wrap, linear_color, screen_color
 
 if TYPE_CHECKING:
     from warpvis.kernels.shading.base_colors import DeviceMaterials

@@ -20,8 +20,7 @@ from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import check_angle, check_choice, check_flag, check_number
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import SceneError
-from warpvis.scene.colors import check_color, check_vector
-from warpvis.scene.materials import ColorSpace, Texture
+from warpvis.scene.materials import ColorSpace, Texture, check_color, check_vector
 
 LightKind = Literal["ambient", "directional", "point", "spot", "headlight"]
 """Ambient light; light from one direction; from a point; from a point within a cone; or a headlight, which is a

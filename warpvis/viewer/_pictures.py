@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small images of an agent's view: depth, or objects colored by the agents that see them."""
+"""What agents see: images of their views, a cloud of surface points, lines of sight, and the page's table."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from html import escape
 from typing import Literal
 
 import numpy as np
@@ -14,11 +16,16 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import format_percent
+from warpvis.core.labels import Visibility
+from warpvis.core.poses import look_at, poses_to_matrices
+from warpvis.planning import surface_samples
 from warpvis.rendering import DepthSensor, Output, Renderer
 from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1
-from warpvis.visibility import Agent, FieldOfView, equirectangular
-from warpvis.viz import depth_colors
+from warpvis.viewer._stage import Stage
+from warpvis.visibility import Agent, FieldOfView, Perspective, State, equirectangular, point_visibility
+from warpvis.viz import STATE_COLORS, depth_colors
 
 PictureKind = Literal["depth", "objects"]
 
@@ -27,6 +34,19 @@ _WIDTH = 320
 """Maximum width of a picture [px]."""
 _PIXELS_PER_DEGREE = 1.6
 _FINEST_RANGE = 1e-3
+
+_POINTS = 20_000
+"""Approximate number of points."""
+_MIN_SPACING = 0.005
+_SPARSER = 1.4
+"""Spacing of points on the ground, relative to other surfaces."""
+
+_PIXEL = Camera(1, 1, 1000.0, 1000.0, 0.5, 0.5)
+"""A camera with one pixel, whose ray is the camera's axis."""
+
+_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
+_MAX_HEIGHT = "17em"
+_CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,3 +154,231 @@ def _color_table() -> NDArray[np.uint8]:
     """Return the colors of 256 depths, of pixels without a surface, and of surfaces that are too near, ``(258, 3)``."""
     ramp = np.concatenate([np.linspace(0, 1, 256), [np.inf, -np.inf]])
     return depth_colors(ramp[None], (0.0, 1.0))[0]
+
+
+class SurfaceCloud:
+    """Points distributed evenly over a stage's surfaces; they move with their objects."""
+
+    def __init__(self, stage: Stage, points: int = _POINTS) -> None:
+        """Sample about `points` points on the surfaces."""
+        self.stage = stage
+        objects = stage.scene.objects
+        ground = [index for index, item in enumerate(objects) if item.label in stage.scene.ground_labels]
+        obstacles = [index for index in range(len(objects)) if index not in set(ground)]
+        area = _area(stage, obstacles) + _area(stage, ground) / _SPARSER**2
+        self.spacing = max(_MIN_SPACING, math.sqrt(area / points))
+        samples = [
+            surface_samples(stage.scene, spacing=spacing, objects=chosen)
+            for spacing, chosen in ((self.spacing, obstacles), (_SPARSER * self.spacing, ground))
+            if chosen
+        ]
+        self.objects: NDArray[np.int32] = np.concatenate([sample.objects for sample in samples])
+        self._columns = stage.columns[self.objects]
+        self._moving = self._columns >= 0
+        self.points = np.concatenate([sample.points for sample in samples]).astype(np.float64)
+        self.normals = np.nan_to_num(np.concatenate([sample.normals for sample in samples]).astype(np.float64))
+        self._to_object_frames(stage.object_poses)
+
+    def _to_object_frames(self, object_poses: NDArray[np.float64]) -> None:
+        """Transform the points of movable objects to the frames of their meshes."""
+        if not self._moving.any():
+            return
+        frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
+        offsets = self.points[self._moving] - frames[:, :3, 3]
+        self.points[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], offsets)
+        self.normals[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], self.normals[self._moving])
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def positions(self, object_poses: NDArray[np.float64], lift: float = 0.0) -> NDArray[np.float32]:
+        """Return the points in the world [m], ``(N, 3)``, offset along their normals by `lift` [m]."""
+        lifted = self.points + lift * self.normals
+        points = lifted.astype(np.float32)
+        if self._moving.any():
+            frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
+            local = lifted[self._moving]
+            points[self._moving] = np.einsum("nij,nj->ni", frames[:, :3, :3], local) + frames[:, :3, 3]
+        return points
+
+    def seen_by(
+        self, agent: Agent, object_poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Return which points an agent sees, ``(N,)``; it does not see its own body."""
+        seen = np.zeros(len(points), dtype=bool)
+        for face in agent.faces:
+            found = point_visibility(
+                self.stage.scene,
+                face.camera,
+                agent.face_poses(face),
+                points,
+                object_poses=object_poses if len(object_poses) else None,
+                exclude=agent.body or None,
+            )
+            seen |= found.numpy()[0] == Visibility.VISIBLE  # type: ignore[union-attr]  # occluders are not requested
+        return seen & ~np.isin(self.objects, [self.stage.scene.index(name) for name in agent.body])
+
+    def states(
+        self, agents: Sequence[Agent], object_poses: NDArray[np.float64], points: NDArray[np.float32]
+    ) -> NDArray[np.uint8]:
+        """Return a `State` for each point, ``(N,)``: which of the first two agents see it."""
+        states = np.zeros(len(points), dtype=np.uint8)
+        for number, agent in enumerate(agents[:2]):
+            states += np.uint8(1 + number) * self.seen_by(agent, object_poses, points)
+        return states
+
+
+def _area(stage: Stage, indices: Sequence[int]) -> float:
+    """Return the total surface area of objects [m^2]."""
+    total = 0.0
+    for item in (stage.scene.objects[index] for index in indices):
+        vertices, faces = item.vertices.astype(np.float64), item.faces
+        a, b, c = (vertices[faces[:, k]] for k in range(3))
+        total += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class SightLine:
+    """A line of sight to the center of a hidden object."""
+
+    agent: str
+    object: str
+    occluder: str
+    """Name of the object that hides it."""
+    eye: NDArray[np.float64]
+    stop: NDArray[np.float64]
+    """Intersection of the line with the occluder [m]."""
+    target: NDArray[np.float64]
+    """Center of the object's box [m]."""
+
+
+class SightLines:
+    """Finds lines of sight with one ray each."""
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._renderer = Renderer(stage.scene, _PIXEL, outputs=("depth", "segmentation"))
+
+    def find(
+        self, agents: Sequence[Agent], seen: Perspective, object_poses: NDArray[np.float64]
+    ) -> tuple[SightLine, ...]:
+        """Return the lines from each agent to the objects that are fully hidden from it.
+
+        Objects are skipped if the ray to their center hits the object itself before another one.
+        """
+        lines = []
+        for number, agent in enumerate(agents):
+            hidden = np.flatnonzero((seen.status[number, 0] == Visibility.OCCLUDED) & ~seen.body[number])
+            if len(hidden):
+                lines += self._find_for_agent(agent, [seen.objects[k] for k in hidden], object_poses)
+        return tuple(lines)
+
+    def _find_for_agent(self, agent: Agent, names: Sequence[str], object_poses: NDArray[np.float64]) -> list[SightLine]:
+        eye = agent.poses[0, :3]
+        targets = [self._center(name, object_poses) for name in names]
+        ups = [np.eye(3)[np.abs(target - eye).argmin()] for target in targets]  # any that is not along the ray
+        poses = np.array([look_at(eye, target, up=up) for target, up in zip(targets, ups, strict=True)])
+        views = self._renderer.render(
+            poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.body or None
+        )
+        depths, objects = views.depth.numpy()[:, 0, 0], views.segmentation.numpy()[:, 0, 0]
+        lines = []
+        for name, target, depth, index in zip(names, targets, depths, objects, strict=True):
+            direction = target - eye
+            length = float(np.linalg.norm(direction))
+            occluder = self._stage.scene.objects[index].name if index >= 0 else name
+            if occluder != name and depth < length:
+                lines.append(
+                    SightLine(agent.name, name, occluder, eye, eye + direction * (float(depth) / length), target)
+                )
+        return lines
+
+    def _center(self, name: str, object_poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        vertices, _ = self._stage.mesh(name)
+        center = (vertices.min(axis=0).astype(np.float64) + vertices.max(axis=0)) / 2
+        column = self._stage.column(name)
+        if column < 0:
+            return center
+        frame = poses_to_matrices(object_poses[column][None])[0]
+        return frame[:3, :3] @ center + frame[:3, 3]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: an object and its visibility to each agent."""
+
+    name: str
+    label: str
+    """Name of the object's label."""
+    cells: tuple[str, ...]
+    """For each agent, the visible percentage, or the reason why the agent does not see the object."""
+    fractions: tuple[float, ...]
+    """For each agent, the visible fraction of the silhouette, 0 to 1."""
+    state: State
+    """Which of the agents see the object."""
+
+
+def table_rows(seen: Perspective) -> tuple[Row, ...]:
+    """Return the table of the first situation."""
+    flags = seen.visible[:, 0]
+    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
+    rows = []
+    for k, name in enumerate(seen.objects):
+        cells = tuple(seen.cell(agent, 0, k, format_percent) for agent in range(len(seen.agents)))
+        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
+        label = seen.label_names.name(seen.labels[k])
+        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
+    return tuple(rows)
+
+
+def table_html(rows: Sequence[Row], agents: Sequence[str]) -> str:
+    """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent."""
+    head = "".join(
+        f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
+    )
+    body = "".join(_row(row, agents) for row in rows)
+    return (
+        f'<div style="{_STYLE};max-height:{_MAX_HEIGHT};overflow:auto">'
+        f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
+        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+    )
+
+
+def legend_html(agents: Sequence[str]) -> str:
+    """Return the legend of the colors."""
+    states = (State.BOTH, State.FIRST, State.SECOND, State.NEITHER) if len(agents) > 1 else (State.FIRST, State.NEITHER)
+    entries = "".join(
+        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_text(state, agents))}</span>'
+        for state in states
+    )
+    return f'<div style="{_STYLE}">{entries}</div>'
+
+
+def state_text(state: State, agents: Sequence[str]) -> str:
+    """Return the text of a `State`."""
+    if len(agents) < 2:
+        return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
+    texts = {State.BOTH: "both see it", State.NEITHER: "neither"}
+    return texts.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
+
+
+def status_html(seconds: float, updates: float) -> str:
+    """Return the duration of the last update and the update rate."""
+    rate = f", {updates:.0f} updates/s" if updates else ""
+    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * seconds:.0f} ms{rate}</div>'
+
+
+def _row(row: Row, agents: Sequence[str]) -> str:
+    title = escape(f"{row.label}; {state_text(row.state, agents)}")
+    cells = "".join(f'<td style="{_CELL}">{escape(cell)}</td>' for cell in row.cells)
+    name = f'<td style="{_CELL};white-space:nowrap" title="{title}">{_dot(row.state)}{escape(row.name)}</td>'
+    return f"<tr>{name}{cells}</tr>"
+
+
+def _dot(state: State) -> str:
+    red, green, blue = STATE_COLORS[state]
+    return (
+        f'<span style="display:inline-block;width:0.75em;height:0.75em;border-radius:50%;margin-right:0.4em;'
+        f'background:rgb({red},{green},{blue})"></span>'
+    )

@@ -30,10 +30,17 @@ from warpvis.errors import ArrayError, PoseError, SceneError
 from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
-from warpvis.viewer._cloud import SightLine, SightLines, SurfaceCloud
-from warpvis.viewer._pictures import AgentPicture, PictureKind, Seen
+from warpvis.viewer._pictures import (
+    AgentPicture,
+    PictureKind,
+    Row,
+    Seen,
+    SightLine,
+    SightLines,
+    SurfaceCloud,
+    table_rows,
+)
 from warpvis.viewer._stage import MujocoStage, Stage, as_mujoco_stage, check_frames, objects_in_frame
-from warpvis.viewer._tables import Row, table_rows
 from warpvis.visibility import Agent, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS
 

@@ -30,9 +30,9 @@ from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode
 from warpvis.viewer._panel import Panel, describe_proposal, propose
+from warpvis.viewer._pictures import legend_html, table_html
 from warpvis.viewer._stage import as_mujoco_stage
 from warpvis.viewer._state import Snapshot, ViewerState
-from warpvis.viewer._tables import legend_html, table_html
 from warpvis.visibility import Agent
 
 if TYPE_CHECKING:

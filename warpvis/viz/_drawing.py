@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared drawing functions: shaded scenes, lines in space, agents' names."""
+"""Shared drawing functions: shaded scenes, lines in space, and the views, states and colors of two agents."""
 
 from __future__ import annotations
 
 import itertools
+import math
 import textwrap
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,11 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras import as_pinhole
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import as_items, is_whole, pluralize
+from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses, PoseLike
-from warpvis.errors import ArrayError
-from warpvis.rendering import Output, render
-from warpvis.scene import Scene
+from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering import Output, Renderer, Views, render
+from warpvis.scene import Scene, require_scene
+from warpvis.visibility import Agent, FieldOfView, Perspective, State, equirectangular
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +41,26 @@ OUTSIDE_CAMERA = Camera.from_fov(640, 480, hfov=0.88)
 """Camera of pictures from outside."""
 
 Colors = Callable[[NDArray[np.float32], NDArray[np.int32], NDArray[np.uint8]], NDArray[np.float64]]
+
+STATE_COLORS: dict[State, tuple[int, int, int]] = {
+    State.BOTH: (17, 119, 51),
+    State.FIRST: (86, 180, 233),
+    State.SECOND: (230, 159, 0),
+    State.NEITHER: (120, 94, 240),
+}
+"""RGB colors of the four states, 0 to 255, distinguishable with any kind of color blindness: colors of Okabe and Ito
+for one agent; dark green and violet, from the palettes of Tol and IBM, for both and neither."""
+
+GRAYS = {
+    Label.GROUND: 0.88,
+    Label.OBSTACLE: 0.70,
+    Label.OBJECT: 0.70,
+    Label.HUMAN: 0.45,
+    Label.ROBOT: 0.45,
+}
+"""Brightness of objects without a state, from 0 to 1."""
+
+_PIXELS_PER_DEGREE = 3
 
 
 def one_pose(
@@ -156,3 +181,155 @@ def white_edge() -> list[withStroke]:
 def _xy(place: ArrayLike) -> tuple[float, float]:
     x, y = np.asarray(place, dtype=np.float64)
     return float(x), float(y)
+
+
+def drawn_label(scene: Scene, label: int) -> Label:
+    """Return the `Label` that a class is drawn as: ground for all ground labels, obstacle for custom classes."""
+    if label in scene.ground_labels:
+        return Label.GROUND
+    return Label(label) if Label.OBJECT <= label <= Label.ROBOT else Label.OBSTACLE
+
+
+@dataclass(frozen=True)
+class PanelData:
+    """Data shared by all panels."""
+
+    scene: Scene
+    agents: tuple[Agent, Agent]
+    view: int
+    states: dict[int, State]
+    """State of each colored object, by its index in the scene."""
+    colors: NDArray[np.float64]
+    """RGB color of each object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
+    object_poses: ObjectPoses
+
+    @classmethod
+    def from_perspective(
+        cls,
+        scene: Scene,
+        agents: Sequence[Agent],
+        seen: Perspective,
+        view: int,
+        labels: Sequence[Label | int | str] | None,
+        object_poses: ObjectPoses,
+    ) -> PanelData:
+        """Collect the data; see `warpvis.viz.save_perspective` for the arguments and errors."""
+        require_scene(scene)
+        if not isinstance(seen, Perspective):
+            raise SceneError(f"seen must be a result of perspective, got {type(seen).__name__}")
+        pair = as_items(agents, "agents", SceneError)
+        if len(pair) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in pair):
+            names = ", ".join(repr(getattr(agent, "name", agent)) for agent in pair)
+            raise SceneError(f"agents must be two agents of seen, got {names or 'none'}")
+        included = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
+        first, second = pair
+        found = seen.states(first.name, second.name)
+        if not is_whole(view) or view not in range(len(found)):
+            raise ArrayError(f"view must be an index from 0 into {pluralize(len(found), 'situation')}, got {view!r}")
+        bodies = {*first.body, *second.body}
+        states = {
+            scene.index(name): State(state)
+            for name, label, state in zip(seen.objects, seen.labels, found[view], strict=True)
+            if label in included and name not in bodies
+        }
+        colors = np.array([[GRAYS[drawn_label(scene, item.label)]] * 3 for item in scene.objects] + [[1.0] * 3])
+        for name in bodies:
+            colors[scene.index(name)] = GRAYS[Label.HUMAN]
+        for index, state in states.items():
+            colors[index] = np.array(STATE_COLORS[state]) / 255
+        poses = seen.objects_at(view) if object_poses is None else object_poses
+        return cls(scene, (first, second), view, states, colors, poses)
+
+    @property
+    def bodies(self) -> set[int]:
+        """Indices of the objects that are the agents' bodies."""
+        return {self.scene.index(name) for agent in self.agents for name in agent.body}
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Minimum and maximum corner of the scene and the agents' eyes [m], shape ``(2, 3)``."""
+        corners = np.concatenate([self.scene.bounds.astype(np.float64), *(self.pose(k)[None, :3] for k in (0, 1))])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    def pose(self, agent: int) -> NDArray[np.float64]:
+        """Return the pose of the first (0) or second (1) agent, a row ``x y z qx qy qz qw``."""
+        return pose_of(self.agents[agent], self.view)
+
+
+@dataclass(frozen=True)
+class AgentView:
+    """Images of an agent's view in one situation."""
+
+    distance: NDArray[np.float64]
+    """Planar depth for a camera, distance for a field of view [m], ``(h, w)``; not finite without a surface."""
+    normals: NDArray[np.float32]
+    """Unit normals in the world, ``(h, w, 3)``."""
+    objects: NDArray[np.int32]
+    """Indices of the scene's objects, ``(h, w)``; -1 for none."""
+    extent: tuple[float, float, float, float]
+    """Left, right, bottom and top, in pixels for a camera, in degrees for a field of view: matplotlib's ``extent``."""
+    attention: NDArray[np.float64]
+    """Border of the field of attention in the coordinates of `extent`, ``(n, 2)``; ``(0, 2)`` without one."""
+
+
+def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> AgentView:
+    """Render an agent's view in one situation.
+
+    The axes of the image of a `FieldOfView` are azimuth and elevation (equirectangular). It covers the field's images.
+    """
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
+    if isinstance(agent.camera, FieldOfView):
+        return _panorama(scene, agent, view, options)
+    camera = agent.camera
+    seen = render(scene, camera, pose_of(agent, view), outputs=("depth", "normals", "segmentation"), **options)
+    border = np.empty((0, 2))
+    if agent.attention is not None:
+        border = camera.project(border_rays(agent.attention))
+    depth, normals, objects = (image.numpy()[0] for image in (seen.depth, seen.normals, seen.segmentation))
+    return AgentView(depth, normals, objects, (0, camera.width, camera.height, 0), border)
+
+
+def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
+    """Return an agent's pose in a situation, a row ``x y z qx qy qz qw``."""
+    return agent.poses[view if len(agent.poses) > 1 else 0]
+
+
+def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
+    """Render points, labels and objects of all faces of an agent in one situation."""
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
+    found = []
+    faces = agent.faces
+    for k, face in enumerate(faces):
+        # Add a column at the border to the next face to avoid gaps.
+        left, right = int(k > 0), int(k < len(faces) - 1)
+        lens = face.camera
+        if lens.ray_model == "pinhole":
+            lens = replace(lens, width=lens.width + left + right, cx=lens.cx + left)
+        poses = agent.face_poses(face)
+        pose = poses[view if len(poses) > 1 else 0]
+        found.append(render(scene, lens, pose, outputs=("points", "labels", "segmentation"), **options))
+    return found
+
+
+def _panorama(scene: Scene, agent: Agent, view: int, options: dict[str, Any]) -> AgentView:
+    field, faces = agent.camera, agent.faces
+    assert isinstance(field, FieldOfView)
+    (height, width), parts = equirectangular(field, _PIXELS_PER_DEGREE)
+    distance = np.full((height, width), np.inf)
+    normals = np.full((height, width, 3), np.nan, dtype=np.float32)
+    objects = np.full((height, width), -1, dtype=np.int32)
+    for face, (columns, rays) in zip(faces, parts, strict=True):
+        pixels = face.camera.project(rays).astype(np.float32)
+        poses = agent.face_poses(face)
+        renderer = Renderer(scene, face.camera, outputs=("depth", "normals", "segmentation"))
+        seen = renderer.render_at(poses[view if len(poses) > 1 else 0], pixels.reshape(1, -1, 2), **options)
+        shape = rays.shape[:2]
+        distance[:, columns] = seen.depth.numpy().reshape(shape) * np.linalg.norm(rays, axis=-1)
+        normals[:, columns] = seen.normals.numpy().reshape(*shape, 3)
+        objects[:, columns] = seen.segmentation.numpy().reshape(shape)
+    border = np.empty((0, 2))
+    if agent.attention is not None:
+        x, y, z = border_rays(agent.attention).T
+        border = np.degrees(np.stack([np.arctan2(x, z), np.arctan2(-y, np.hypot(x, z))], axis=1))
+    sides, up, down = (math.degrees(angle) for angle in (field.hfov / 2, field.up, field.down))
+    return AgentView(distance, normals, objects, (-sides, sides, -down, up), border)

@@ -25,17 +25,23 @@ from warpvis.planning import best_views
 from warpvis.pose_generators import fitting_distance
 from warpvis.scene import Scene
 from warpvis.visibility import Agent, FieldOfView, Perspective, State
-from warpvis.viz._agent_views import GRAYS, STATE_COLORS, AgentView, PanelData, agent_view, drawn_label, views_of_faces
 from warpvis.viz._drawing import (
+    GRAYS,
     OUTSIDE_CAMERA,
+    STATE_COLORS,
+    AgentView,
+    PanelData,
+    agent_view,
     draw_arrow,
     draw_lines,
     draw_name,
+    drawn_label,
     frustum,
     light_on,
     one_pose,
     shaded_picture,
     to_picture,
+    views_of_faces,
     white_edge,
 )
 from warpvis.viz._figures import Bounds, draw_map, new_figure, save_figure

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.colors import linear_color
 from warpvis.scene.lights import Background, Light, LightKind
-from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
+from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap, linear_color
 from warpvis.webots._nodes import Node, Transform
 from warpvis.webots.shapes._polygons import Points, Triangles, split_polygons, triangulate, tuples
 
