@@ -8,9 +8,8 @@ import math
 import os
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,10 +34,9 @@ def looks_like_spec(text: str) -> bool:
 
     It is a spec if no such file exists, and it begins with a generator's name or continues with words ``key=value``.
     """
+    check_text(text, "text", PoseError)
     try:
-        words = shlex.split(check_text(text, "text", PoseError))
-    except PoseError:
-        raise
+        words = shlex.split(text)
     except ValueError:
         words = text.split()
     named = bool(words) and words[0] in _GENERATORS
@@ -99,22 +97,23 @@ def frames_from_spec(text: str, scene: Scene | None = None, *, up: Literal["z", 
         arguments["path"], source["path"] = read_points(path), Path(path).name
     if name == "random":
         arguments["scene_or_bounds"] = arguments.pop("bounds") if scene is None else scene
-    make = getattr(_generators, generator.function)
+    make = getattr(_generators, "random_poses" if name == "random" else name)
     return Frames.from_poses(make(**arguments), source=source)
 
 
-@dataclass(frozen=True)
-class _Generator:
-    """A function of `warpvis.pose_generators` and the parsers of its keys."""
+class _Generator(NamedTuple):
+    """Keys of a generator, which are arguments of its function."""
 
-    function: str
-    required: dict[str, Callable[[str], _Value]]
-    optional: dict[str, Callable[[str], _Value]]
+    required: str
+    optional: str
+    looks: tuple[str, ...] = ()
+    """Words that are values of ``look``."""
 
 
 def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str, _Value]:
-    known = generator.required | generator.optional
-    keys = ", ".join(key if key in generator.required else f"[{key}]" for key in known)
+    required = generator.required.split()
+    known = [*required, *generator.optional.split()]
+    keys = ", ".join(key if key in required else f"[{key}]" for key in known)
     values: dict[str, _Value] = {}
     for word in words:
         key, equals, value = word.partition("=")
@@ -123,10 +122,10 @@ def _parse_keys(name: str, generator: _Generator, words: list[str]) -> dict[str,
         if key in values:
             raise PoseError(f"{key} of {name} must be given once, got it twice")
         try:
-            values[key] = known[key](value)
+            values[key] = _look(value, generator.looks) if key == "look" else _PARSERS[key](value)
         except ValueError as error:
             raise PoseError(f"{key} of {name} must be {error}, got {value!r}") from None
-    missing = [key for key in generator.required if key not in values]
+    missing = [key for key in required if key not in values]
     if missing:
         raise PoseError(f"{name} needs {', '.join(missing)}; its keys are {keys}")
     return values
@@ -151,13 +150,9 @@ def _box(text: str) -> NDArray[np.float64]:
     return np.array(_numbers(text, 6, expected)).reshape(2, 3)
 
 
-def _look(*words: str) -> Callable[[str], str | NDArray[np.float64]]:
-    def parse(text: str) -> str | NDArray[np.float64]:
-        if text in words:
-            return text
-        return np.array(_numbers(text, 3, f"{' or '.join(words)} or three finite numbers X,Y,Z"))
-
-    return parse
+def _look(text: str, words: tuple[str, ...]) -> str | NDArray[np.float64]:
+    expected = f"{' or '.join(words)} or three finite numbers X,Y,Z"
+    return text if text in words else np.array(_numbers(text, 3, expected))
 
 
 def _numbers(text: str, count: int, expected: str) -> list[float]:
@@ -170,28 +165,19 @@ def _numbers(text: str, count: int, expected: str) -> list[float]:
     return values
 
 
+_NUMBERS = ("radius", "height", "start", "min_elevation", "max_elevation", "step", "pitch", "clearance")
+_PARSERS: dict[str, Callable[[str], _Value]] = {
+    **dict.fromkeys(_NUMBERS, _number),
+    **dict.fromkeys(("count", "headings", "seed"), _whole),
+    **dict.fromkeys(("target", "look_at"), _place),
+    "bounds": _box,
+    "path": str,
+    "exclude": lambda text: text.split(","),
+}
 _GENERATORS = {
-    "orbit": _Generator(
-        "orbit", {"target": _place, "radius": _number, "height": _number, "count": _whole}, {"start": _number}
-    ),
-    "sphere": _Generator(
-        "sphere",
-        {"target": _place, "radius": _number, "count": _whole},
-        {"min_elevation": _number, "max_elevation": _number},
-    ),
-    "grid": _Generator(
-        "grid", {"step": _number}, {"bounds": _box, "headings": _whole, "pitch": _number, "look_at": _place}
-    ),
-    "random": _Generator(
-        "random_poses",
-        {"count": _whole},
-        {
-            "seed": _whole,
-            "bounds": _box,
-            "clearance": _number,
-            "look": _look("level", "any"),
-            "exclude": lambda text: text.split(","),
-        },
-    ),
-    "along": _Generator("along", {"path": str, "count": _whole}, {"look": _look("forward")}),
+    "orbit": _Generator("target radius height count", "start"),
+    "sphere": _Generator("target radius count", "min_elevation max_elevation"),
+    "grid": _Generator("step", "bounds headings pitch look_at"),
+    "random": _Generator("count", "seed bounds clearance look exclude", ("level", "any")),
+    "along": _Generator("path count", "look", ("forward",)),
 }
