@@ -259,7 +259,7 @@ def test_invalid_arguments_are_rejected(change, said):
 @pytest.mark.parametrize(
     ("depth", "said"),
     [
-        (np.zeros((2, 240, 320)), "depth must have one view per pose, got 2 views for 1 pose"),
+        (np.zeros((2, 240, 320)), "camera_to_world must have one pose for each view of depth, 2, got 1"),
         (np.zeros((1, 24, 32)), "depth must have shape (V, 240, 320), got (1, 24, 32)"),
     ],
 )

@@ -10,8 +10,7 @@ from pose_samples import unit
 
 import warpvis as wv
 from warpvis.core.threads import core_count
-from warpvis.scene.acceleration.bvh import build_bvh
-from warpvis.scene.acceleration.refit import leaf_vertices
+from warpvis.scene.acceleration.bvh import build_bvh, leaf_vertices
 from warpvis.scene.closed import provably_closed
 
 import reference
@@ -304,7 +303,7 @@ def test_invalid_gpu_vertices_raise(cuda):
 def test_kernels_match_references(lanes, parts):
     """Also with leaves in parts, one thread each; trees for CUDA have 32 lanes."""
     from warpvis.kernels.bvh.refit import refit_leaves, refit_nodes
-    from warpvis.scene.acceleration.refit import _slots
+    from warpvis.scene.acceleration.bvh import _slots
 
     faces, vertices = BALL.faces.astype(np.int32), wobble(4)
     owner = np.zeros(len(faces), dtype=np.int32)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Refitting of a BVH to moved vertices: corners in leaves, then boxes from the leaves up.
 
-Launched by `warpvis.scene.acceleration.refit`. A leaf or a node is processed by one thread on the CPU, and by a warp
+Launched by `warpvis.scene.acceleration.bvh`. A leaf or a node is processed by one thread on the CPU, and by a warp
 on CUDA, with one thread per lane: `parts` is the number of threads. Slots are indices of children, written as
 ``node * lanes + lane``.
 """

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_warp, get_device, on_gpu
-from warpvis.core.types import ArrayInput, DeviceLike
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError
 
 # Number of pixels that are examined first; all pixels are examined only if these may be in millimeters.
@@ -47,6 +48,24 @@ def read_depth(
     if getattr(depth, "ndim", 0) == 2:
         depth = depth.reshape((1, *depth.shape))
     return as_warp(depth, wp.float32, ("V", camera.height, camera.width), name="depth", device=device)
+
+
+def read_images(
+    depth: ArrayInput,
+    camera: ImageCamera,
+    camera_to_world: PoseLike,
+    convention: Convention,
+    quaternion: QuaternionOrder,
+    device: DeviceLike,
+    max_range: float | None = None,
+) -> tuple[wp.array, wp.array]:
+    """Return a camera's depth images and their poses on one device."""
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    depth = read_depth(depth, camera, device, max_range=max_range)
+    poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
+    if len(poses) != len(depth):
+        raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(depth)}, got {len(poses)}")
+    return depth, poses
 
 
 def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:

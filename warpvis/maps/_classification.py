@@ -13,11 +13,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike
 
-from warpvis.cameras.depth_images import read_depth
-from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.cameras.depth_images import read_images
+from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, on_gpu, take_out
 from warpvis.core.labels import Label, LabelNames
-from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, to_xyzw
+from warpvis.core.poses import Convention, QuaternionOrder, check_up
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import launch_back_project, launch_classify, launch_label_objects
@@ -128,17 +128,25 @@ def classify(
     """
     from warpvis.kernels.maps import classify as kernels
 
-    depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device, max_range)
+    reach = None if max_range is None else check_length(max_range, "max_range", infinite=True)
+    depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device, reach)
+    reach = camera.far if reach is None else reach
     ground = kernels.Ground()
     ground.up = check_up(up)
     ground.sigma = check_length(ground_tolerance, "ground_tolerance", infinite=True)
     ground.height = check_length(ground_height, "ground_height", signed=True)
-    reach = _check_range(max_range, camera)
     balls, sphere_count = _device_spheres(spheres, depth.device)
     labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
     if spheres_out is not None:
         check_out(spheres_out, wp.int32, depth.shape, name="spheres_out", device=depth.device)
-    launch_classify(camera, poses, depth, [reach, ground, balls, labels, spheres_out], threads, sphere_count)
+    launch_classify(
+        camera,
+        poses,
+        depth,
+        [reach, ground, balls, labels, spheres_out],
+        threads,
+        sphere_count,
+    )
     return labels
 
 
@@ -186,25 +194,6 @@ def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.arra
     return result
 
 
-def read_images(
-    depth: ArrayInput,
-    camera: ImageCamera,
-    camera_to_world: PoseLike,
-    convention: Convention,
-    quaternion: QuaternionOrder,
-    device: DeviceLike,
-    max_range: float | None = None,
-) -> tuple[wp.array, wp.array]:
-    """Read depth images and their poses on one device."""
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    require_image_camera(camera)
-    depth = read_depth(depth, camera, device, max_range=_check_range(max_range, camera))
-    poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
-    if len(poses) != len(depth):
-        raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(depth)}, got {len(poses)}")
-    return depth, poses
-
-
 def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> tuple[Spheres, int]:
     """Return spheres as a kernel argument, and their number."""
     from warpvis.kernels.maps.classify import Spheres
@@ -225,7 +214,3 @@ def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) ->
     struct.size = wp.array([ball.diameter for ball in balls], dtype=wp.float32, device=device)
     struct.label = wp.array([int(ball.label) for ball in balls], dtype=wp.uint8, device=device)
     return struct, len(balls)
-
-
-def _check_range(max_range: float | None, camera: ImageCamera) -> float:
-    return camera.far if max_range is None else check_length(max_range, "max_range", infinite=True)

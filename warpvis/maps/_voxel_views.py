@@ -16,7 +16,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.depth_images import read_labels
+from warpvis.cameras.depth_images import read_images, read_labels
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import as_numpy, check_length, empty
@@ -26,7 +26,6 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_pose
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
-from warpvis.maps._classification import read_images
 from warpvis.maps._floor_map import count_cells, ground_bits
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
 from warpvis.rendering import Renderer, rays_on_device

@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_point, check_length, empty
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
@@ -186,6 +186,7 @@ def best_views(
     candidates = to_xyzw(candidates, quaternion, "candidates")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     require_scene(scene).require_objects()
+    require_image_camera(camera)
     check_choice(measure, "measure", tuple(_FIELDS))
     tie = check_number(tie, "tie", minimum=0.0)
     count = None if count is None else check_whole(count, "count")

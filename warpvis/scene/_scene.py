@@ -440,10 +440,6 @@ class Scene:
         """Return the parents of attached objects, by object index."""
         return self._objects.parents()
 
-    def has_solids(self) -> bool:
-        """Return whether any object is rendered as a round solid."""
-        return any(item.solid is not None for _, _, item, _ in self._objects.runs())
-
     def to(self, device: DeviceLike) -> Scene:
         """Return a copy of the scene on another device."""
         return self._copy(map(take_snapshot, self._objects), device)

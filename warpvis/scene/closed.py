@@ -39,9 +39,11 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
         vertices: Corners, shape ``(n, 3)``; corners at the same position count as one.
         faces: Corner indices of the triangles, shape ``(m, 3)``.
     """
-    return has_no_boundary(vertices, faces) and any(
-        _is_star_shaped(vertices, faces, center) for center in _centers(vertices)
-    )
+    if not has_no_boundary(vertices, faces):
+        return False
+    points = np.asarray(vertices, dtype=np.float64)
+    centers = points.mean(axis=0), (points.min(axis=0) + points.max(axis=0)) / 2
+    return any(_is_star_shaped(vertices, faces, center) for center in centers)
 
 
 def has_no_boundary(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bool:
@@ -98,11 +100,6 @@ def _mix(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
     x *= np.uint64(0x94D049BB133111EB)
     x ^= x >> np.uint64(31)
     return x
-
-
-def _centers(vertices: NDArray[np.float32]) -> list[NDArray[np.float64]]:
-    points = np.asarray(vertices, dtype=np.float64)
-    return [points.mean(axis=0), (points.min(axis=0) + points.max(axis=0)) / 2]
 
 
 def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], center: NDArray[np.float64]) -> bool:

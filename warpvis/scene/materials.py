@@ -207,16 +207,15 @@ class Appearance:
 
     def check_fits(self, vertices: int, faces: int, name: str) -> None:
         """Raise a `SceneError` unless it fits a mesh of this number of vertices and faces."""
-        lengths = {"face_materials": faces, "vertex_colors": vertices, "face_colors": faces}
+        per_face, per_vertex = (faces, "faces"), (vertices, "vertices")
+        lengths = {"face_materials": per_face, "vertex_colors": per_vertex, "face_colors": per_face}
         for key in ("uv", "normals"):
             rows = getattr(self, key)
             if rows is not None:
-                lengths[key] = vertices if rows.ndim == 2 else faces
-        for key, count in lengths.items():
+                lengths[key] = per_vertex if rows.ndim == 2 else per_face
+        for key, (count, noun) in lengths.items():
             rows = getattr(self, key)
             if rows is not None and len(rows) != count:
-                noun = "vertices" if count == vertices and (key == "vertex_colors" or rows.ndim == 2) else "faces"
-                noun = {"face_materials": "faces", "face_colors": "faces", "vertex_colors": "vertices"}.get(key, noun)
                 raise SceneError(f"{key} of {name!r} must be one for each of its {count} {noun}, got {len(rows)}")
 
     def corner_uv(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:

@@ -56,21 +56,6 @@ class Solid:
     faces: NDArray[np.int32] = field(repr=False)
     """Corner indices of the triangles, shape ``(m, 3)``."""
 
-    @classmethod
-    def of(
-        cls,
-        kind: SolidKind,
-        radii: ArrayLike,
-        half: float,
-        ring: NDArray[np.float64],
-        height: NDArray[np.float64],
-        slices: int,
-    ) -> Solid:
-        """Create a solid whose triangles are a profile revolved about z, and scaled."""
-        radii = np.asarray(radii, dtype=np.float64)
-        vertices, faces = _revolve(ring, height, slices)
-        return cls(kind, radii, half, vertices * radii, faces)
-
     @property
     def extent(self) -> NDArray[np.float64]:
         """Half extent along x, y and z [m], shape ``(3,)``."""
@@ -113,7 +98,7 @@ def ellipsoid(half_axes: ArrayLike, *, mesh_tolerance: float = DEFAULT_MESH_TOLE
     mesh_tolerance = _check_size(mesh_tolerance, "mesh_tolerance")
     stacks, growth = _ball_grid(float(np.max(half_axes)), mesh_tolerance)
     angles = np.linspace(-np.pi / 2, np.pi / 2, stacks + 1)
-    return Solid.of(SolidKind.BALL, half_axes, 0.0, growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
+    return _revolve(SolidKind.BALL, half_axes, 0.0, growth * np.cos(angles), growth * np.sin(angles), 2 * stacks)
 
 
 def capsule(radius: float, half_length: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
@@ -133,7 +118,7 @@ def capsule(radius: float, half_length: float, *, mesh_tolerance: float = DEFAUL
     angles = np.linspace(-np.pi / 2, 0, stacks // 2 + 1)
     ring, height = growth * np.cos(angles), growth * np.sin(angles) - half
     rings = np.r_[ring, ring[::-1]], np.r_[height, -height[::-1]]
-    return Solid.of(SolidKind.CAPSULE, (radius, radius, radius), half, *rings, 2 * stacks)
+    return _revolve(SolidKind.CAPSULE, (radius, radius, radius), half, *rings, 2 * stacks)
 
 
 def cylinder(radius: float, half_length: float, *, mesh_tolerance: float = DEFAULT_MESH_TOLERANCE) -> Solid:
@@ -154,7 +139,7 @@ def cylinder(radius: float, half_length: float, *, mesh_tolerance: float = DEFAU
     ring = 2 / (1 + math.cos(math.pi / slices))
     half = half_length / radius
     rings = np.array([0, ring, ring, 0]), np.array([-half, -half, half, half])
-    return Solid.of(SolidKind.CYLINDER, (radius, radius, radius), half, *rings, slices)
+    return _revolve(SolidKind.CYLINDER, (radius, radius, radius), half, *rings, slices)
 
 
 def _check_size(value: float, name: str) -> float:
@@ -175,12 +160,13 @@ def _ball_grid(radius: float, mesh_tolerance: float) -> tuple[int, float]:
 
 
 def _revolve(
-    ring: NDArray[np.float64], height: NDArray[np.float64], slices: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Return the surface of revolution about z of a profile that starts and ends on the axis, from bottom to top.
+    kind: SolidKind, radii: ArrayLike, half: float, ring: NDArray[np.float64], height: NDArray[np.float64], slices: int
+) -> Solid:
+    """Create a solid from a profile, from bottom to top, that is revolved about z and scaled; its ends are on the axis.
 
     `ring` is the distance of the profile's points from the axis, ``(k,)``, of which the first and the last count as 0.
     """
+    radii = np.asarray(radii, dtype=np.float64)
     angles = 2 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     rings = np.empty((len(ring) - 2, slices, 3))
@@ -193,4 +179,5 @@ def _revolve(
     bottom = np.stack([after[0], index[0], np.full(slices, index.size)], axis=-1)
     top = np.stack([index[-1], after[-1], np.full(slices, index.size + 1)], axis=-1)
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], bottom, top])
-    return np.concatenate([rings.reshape(-1, 3), poles]), faces.astype(np.int32)
+    vertices = np.concatenate([rings.reshape(-1, 3), poles])
+    return Solid(kind, radii, half, vertices * radii, faces.astype(np.int32))

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,24 @@ _POINT_SIZE = 0.32
 _AGENT_SIZE, _MIN_SIZE, _MAX_SIZE = 0.4, 0.3, 0.6
 
 
-class Meshes:
+class _Nodes(ABC):
+    """Nodes that are shown and hidden together."""
+
+    @property
+    def visible(self) -> bool:
+        """Whether the nodes are shown."""
+        return all(node.visible for node in self._nodes())
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        for node in self._nodes():
+            node.visible = visible
+
+    @abstractmethod
+    def _nodes(self) -> list[Any]: ...
+
+
+class Meshes(_Nodes):
     """Meshes of the scene's objects. Shared meshes are sent once; movable objects are children of frames."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, *, dark: bool = False) -> None:
@@ -101,16 +119,6 @@ class Meshes:
             receive_shadow=False,
         )
         self._batches.append((batch, indices))
-
-    @property
-    def visible(self) -> bool:
-        """Whether the meshes are shown."""
-        return all(node.visible for node in self._nodes())
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        for node in self._nodes():
-            node.visible = visible
 
     def _nodes(self) -> list[Any]:
         return [*self._meshes.values(), *(batch for batch, _ in self._batches)]
@@ -258,7 +266,7 @@ def _borders(field: FieldOfView) -> NDArray[np.float64]:
     return _FIELD_SIZE * np.concatenate([*segments, spokes])
 
 
-class Gizmos:
+class Gizmos(_Nodes):
     """All handles of a page. `dragged` is called after the state is updated with a handle's pose."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, dragged: Callable[[], None]) -> None:
@@ -268,15 +276,8 @@ class Gizmos:
         self._mounts: dict[str, NDArray[np.float64]] = {}
         self.follow()
 
-    @property
-    def visible(self) -> bool:
-        """Whether the handles are shown."""
-        return all(gizmo.visible for gizmo in (*self.agents.values(), *self.objects.values()))
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        for gizmo in (*self.agents.values(), *self.objects.values()):
-            gizmo.visible = visible
+    def _nodes(self) -> list[Any]:
+        return [*self.agents.values(), *self.objects.values()]
 
     def follow(self) -> None:
         """Move the handles to the agents and objects after these were moved in another way."""

@@ -177,16 +177,11 @@ class SurfaceCloud:
         self._moving = self._columns >= 0
         self.points = np.concatenate([sample.points for sample in samples]).astype(np.float64)
         self.normals = np.nan_to_num(np.concatenate([sample.normals for sample in samples]).astype(np.float64))
-        self._to_object_frames(stage.object_poses)
-
-    def _to_object_frames(self, object_poses: NDArray[np.float64]) -> None:
-        """Transform the points of movable objects to the frames of their meshes."""
-        if not self._moving.any():
-            return
-        frames = poses_to_matrices(object_poses)[self._columns[self._moving]]
-        offsets = self.points[self._moving] - frames[:, :3, 3]
-        self.points[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], offsets)
-        self.normals[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], self.normals[self._moving])
+        if self._moving.any():  # points of movable objects are in the frames of their meshes
+            frames = poses_to_matrices(stage.object_poses)[self._columns[self._moving]]
+            offsets = self.points[self._moving] - frames[:, :3, 3]
+            self.points[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], offsets)
+            self.normals[self._moving] = np.einsum("nji,nj->ni", frames[:, :3, :3], self.normals[self._moving])
 
     def __len__(self) -> int:
         return len(self.points)

@@ -92,7 +92,7 @@ def judge_by_packets(
         return
     clusters = scene.bvh()
     # Analytic solids require the kernels that also find the first object along a ray.
-    with_id = occluders is not None or scene.has_solids()
+    with_id = occluders is not None or clusters.has_solids
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
     space = _take(clusters, layout)
     space.counter[:] = 0

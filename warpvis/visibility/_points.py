@@ -13,18 +13,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.depth_images import read_depth
+from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_points, check_length, empty
-from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import check_threads, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError
 from warpvis.rendering import CasterName, Output, Renderer, choose_caster, render_along
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
@@ -156,16 +154,9 @@ def point_visibility_from_depth(
     """
     from warpvis.kernels.visibility.points import judge_points_measured
 
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     tolerance = check_length(tolerance, "tolerance")
-    images = read_depth(depth, camera, device)
+    images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
     device = images.device
-    poses = parse_poses(camera_to_world, convention=convention, device=device)
-    if len(poses) != len(images):
-        raise ArrayError(
-            f"depth must have one view per pose, got {pluralize(len(images), 'view')} for "
-            f"{pluralize(len(poses), 'pose')}"
-        )
     if camera.ray_model == "table":
         places = as_points(points, "points", "N", device).numpy()
         judged = judge_in_images(images.numpy(), camera, poses.numpy(), places, tolerance)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.constants import BOX_WORDS, CPU_LANES, CUDA_LANES, LEAF_ROWS, NODE_ROWS
-from warpvis.scene.acceleration.bvh import Bvh, check_leaves, check_slots
+from warpvis.scene.acceleration.bvh import Bvh, BvhRefit, check_leaves, check_slots
 from warpvis.scene.acceleration.traversal_plan import (
     InstancedMesh,
     TraversalPlan,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from warpvis.scene._mesh import Mesh
     from warpvis.scene._object import SceneObject
     from warpvis.scene.acceleration.bvh import Bvh
-    from warpvis.scene.acceleration.refit import BvhRefit
     from warpvis.scene.acceleration.tree_cache import TreeCache
 
 
@@ -208,8 +207,6 @@ def _owners(
 
 def _make_refits(struct: BvhScene, trees: Sequence[Bvh], plan: TraversalPlan) -> dict[int, BvhRefit]:
     """Create refits of the trees of objects that deform, in the joined arrays; the last trees are `plan.meshes`."""
-    from warpvis.scene.acceleration.refit import BvhRefit
-
     refits = {}
     first = len(trees) - len(plan.meshes)
     places = list(zip(trees, *first_places(trees), strict=True))[first:]
