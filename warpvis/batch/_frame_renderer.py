@@ -23,6 +23,7 @@ from warpvis.core.arrays import as_numpy, check_length, get_device
 from warpvis.core.checks import as_items, check_flag, check_mapping
 from warpvis.core.labels import Label
 from warpvis.core.outputs import IMAGE_NAMES, OUTPUTS, VISIBILITY
+from warpvis.core.poses import parse_poses
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import (
@@ -37,6 +38,7 @@ from warpvis.rendering import (
     pixel_type,
 )
 from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import choose_objects, see_objects
 
 if TYPE_CHECKING:
@@ -114,10 +116,9 @@ class FrameRenderer:
             see_objects,
             self.scene,
             eye,
-            objects=choose_objects(self.scene, objects) if VISIBILITY in self.outputs else None,
+            chosen=choose_objects(self.scene, objects) if VISIBILITY in self.outputs else (),
             delta=check_length(delta, "delta"),
             masks=check_flag(masks, "masks"),
-            exclude=self._exclude,
             caster=caster,
             threads=threads,
         )
@@ -169,7 +170,8 @@ class FrameRenderer:
 
     def _see(self, poses: np.ndarray, objects: np.ndarray | None, worlds: np.ndarray | None) -> dict[str, np.ndarray]:
         """Compute visibility, and return its arrays under the names used in files."""
-        seen = self._object_visibility(poses, object_poses=objects, world_index=worlds)
+        rows = parse_poses(poses, device=self.scene.device)
+        seen = self._object_visibility(rows, parse_worlds(self.scene, len(rows), objects, worlds, self._exclude))
         fields = {name: "fraction" if name == "visible_fraction" else name for name in VISIBILITY_ARRAYS}
         arrays = {name: getattr(seen, field) for name, field in fields.items()}
         if seen.masks is not None:

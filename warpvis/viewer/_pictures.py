@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from html import escape
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +134,7 @@ class AgentPicture:
 
 def with_view(camera: Camera, *, hfov: float | None = None, far: float | None = None) -> Camera:
     """Return a camera with another field of view or range and the same image size, center and pixel aspect ratio."""
-    fields = {} if far is None else {"far": far}
+    fields: dict[str, Any] = {} if far is None else {"far": far}
     if hfov is not None:
         factor = math.tan(camera.hfov / 2) / math.tan(hfov / 2)
         fields |= {"fx": camera.fx * factor, "fy": camera.fy * factor}

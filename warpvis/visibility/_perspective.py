@@ -355,7 +355,7 @@ class _Measurement:
         views = len(poses) if situations.world_index is None else situations.count
         rows = parse_poses(np.broadcast_to(poses, (views, 7)), device=scene.device)
         worlds = parse_worlds(scene, views, situations.object_poses, situations.world_index, agent.body or None)
-        options = {"delta": self.delta, "min_pixels": self.min_pixels, "threads": self.threads}
+        options: dict[str, Any] = {"delta": self.delta, "min_pixels": self.min_pixels, "threads": self.threads}
         return see_objects(scene, camera, rows, worlds, self.indices, canvas=canvas, **options)
 
 

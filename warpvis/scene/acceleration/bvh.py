@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The wide BVH: leaves of 16 or 32 triangles and nodes of 16 or 32 children, one per SIMD lane or thread of a warp; and its refit."""
+"""The wide BVH: leaves of 16 or 32 triangles and nodes of 16 or 32 children, one per lane; and its refit."""
 
 from __future__ import annotations
 
