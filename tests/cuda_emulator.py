@@ -207,11 +207,11 @@ class EmulatedCaster(RaysCaster):
             "camera": camera.device_struct(clip_near=self._options.clip_near),
             "poses": views.poses,
             "worlds": views.worlds,
-            "found": self._room(len(views), struct.drawn_count),
+            "found": self._room(views.count, struct.drawn_count),
             "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
-        size = (len(views), -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
+        size = (views.count, -(-camera.height // side), -(-camera.width // packets_cuda.packet_width(side)))
         self._emulator.launch(self._variant, size, arguments)
 
     def _room(self, views: int, count: int) -> Any:
@@ -253,7 +253,7 @@ class EmulatedTableCaster(RayBundleCaster):
             self._scene.device,
             self._camera.origins.reshape(shape) if self._variant.origins else None,
         )
-        self._emulator.launch(self._variant, (len(views), packets.frame.shape[0], 1), arguments | {"packets": packets})
+        self._emulator.launch(self._variant, (views.count, packets.frame.shape[0], 1), arguments | {"packets": packets})
 
 
 class EmulatedPointCaster(RaysCaster):
@@ -276,7 +276,7 @@ class EmulatedPointCaster(RaysCaster):
             "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
-        size = (len(views), packet_count(lists, self._variant.points), 1)
+        size = (views.count, packet_count(lists, self._variant.points), 1)
         self._emulator.launch(self._variant, size, arguments)
 
 

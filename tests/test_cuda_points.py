@@ -366,7 +366,7 @@ def test_launches_are_split_to_fit_memory(monkeypatch):
     worlds = wv.scene.worlds.parse_worlds(scene, 5, None, np.zeros(5, dtype=np.int32), None)
     views = ViewBatch(wp.zeros(5, dtype=wp.transform), worlds, pixels=pixels)
     points_cuda.cast_point_packets(scene.bvh().struct, CAMERA, CastOptions(), views, {"depth": depth})
-    assert [(len(p), p.worlds.world.size, p.pixels.shape, rows["depth"].shape) for p, rows in launched] == [
+    assert [(p.count, p.worlds.world.size, p.pixels.shape, rows["depth"].shape) for p, rows in launched] == [
         (count, count, (count, 1, 2000), (count, 1, 2000)) for count in (2, 2, 1)
     ]
 

@@ -16,7 +16,7 @@ import pytest
 import warpvis as wv
 from warpvis.cameras import LensCamera, Rays, lenses
 from warpvis.cameras.rays import OnceCache
-from warpvis.rendering import _cpu_table
+from warpvis.rendering.casters import ray_bundles_cpu
 
 from support.worlds import ALL, assert_bits_equal
 
@@ -26,7 +26,7 @@ POSE = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
 @pytest.fixture
 def made(monkeypatch):
     """Return weak references to data prepared for packets."""
-    found, prepare = [], _cpu_table.prepare_rays
+    found, prepare = [], ray_bundles_cpu.prepare_rays
 
     def note(rays):
         prepared = prepare(rays)
@@ -34,7 +34,7 @@ def made(monkeypatch):
         time.sleep(0.05)  # long enough for concurrent requests
         return prepared
 
-    monkeypatch.setattr(_cpu_table, "prepare_rays", note)
+    monkeypatch.setattr(ray_bundles_cpu, "prepare_rays", note)
     return found
 
 

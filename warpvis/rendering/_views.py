@@ -84,7 +84,7 @@ class Views:
     def __getstate__(self) -> dict[str, Any]:
         """Return the images as host arrays, which support pickling and copying, unlike Warp's arrays."""
         return {
-            name: (np.array(value.numpy()), str(value.device)) if isinstance(value, wp.array) else value
+            name: (np.array(value.numpy()), str(value.device)) if name in OUTPUTS and value is not None else value
             for name, value in vars(self).items()
         }
 
@@ -99,7 +99,10 @@ class Views:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Views:
         """Copy the images, on their device."""
-        return as_views({n: wp.clone(v) if isinstance(v, wp.array) else v for n, v in vars(self).items()})
+        copied = type(self).__new__(type(self))
+        for name, value in vars(self).items():
+            setattr(copied, name, wp.clone(value) if name in OUTPUTS and value is not None else value)
+        return copied
 
 
 def check_outputs(outputs: object, *others: str) -> tuple[str, ...]:
