@@ -8,8 +8,11 @@ struct Khoshelham {
     bool rounds;
     SensorRange range;
 
-    // Measure the pixels from x on that share random words.
+    // Measure the pixels from x on that share random words. Drawing them is most of the work of a single pixel.
     inline void measure(const NoiseRow& row, int x) const {
+        if (Numbers::PIXELS == 1 && !Numbers::any(SensorRange::finite(row.exact(x)))) {
+            return row.write(x, row.exact(x), Numbers::whole(REASON_EMPTY));
+        }
         const PixelWords words = PixelWords::draw(row.key, STREAM_DISPARITY, row.y, x);
         for (int k = 0; row.has_word(x, k); ++k)
             measure_pixels(row, x + k * Numbers::PIXELS, sigma * Random::normal(words.block[k]));
@@ -84,13 +87,14 @@ struct Shown {
     // Depth at which the rays of a row's pixels meet the planes of these surfaces; the surface's own depth if they do
     // not meet, or if a pixel shows its own surface.
     inline Real met(const NguyenView& view, Whole column_of_ray, int y) const {
+        const Whole is_displaced = (row != y) | (column != column_of_ray);
+        if (!Numbers::any(is_displaced)) return depth;
         Double n[3];
         view.rotate_into_camera(normal, n);
         const Double at_surface = n[0] * view.across(column) + n[1] * view.down(row) + n[2];
         const Double at_ray = n[0] * view.across(column_of_ray) + n[1] * view.down(Numbers::whole(y)) + n[2];
         const Double ahead = at_surface / at_ray, own_depth = Numbers::wide(depth);
         const Real displaced_depth = Numbers::narrow(ahead > 0.0 ? own_depth * ahead : own_depth);
-        const Whole is_displaced = (row != y) | (column != column_of_ray);
         return is_displaced ? displaced_depth : depth;
     }
 };
@@ -122,25 +126,30 @@ struct Nguyen {
     inline void measure(const NoiseRow& row, const NguyenView& view, int x) const {
         const PixelWords across = PixelWords::draw(row.key, STREAM_ACROSS, row.y, x);
         const PixelWords down = PixelWords::draw(row.key, STREAM_DOWN, row.y, x);
-        const PixelWords ahead = PixelWords::draw(row.key, STREAM_DEPTH, row.y, x);
+        PixelWords ahead;
+        if (Numbers::PIXELS > 1) ahead = PixelWords::draw(row.key, STREAM_DEPTH, row.y, x);
         for (int k = 0; row.has_word(x, k); ++k) {
-            const Real normals[3] = {Random::normal(across.block[k]), Random::normal(down.block[k]),
-                                     Random::normal(ahead.block[k])};
-            measure_pixels(row, view, x + k * Numbers::PIXELS, normals);
+            const Real offsets[2] = {Random::normal(across.block[k]), Random::normal(down.block[k])};
+            measure_pixels(row, view, x + k * Numbers::PIXELS, offsets, ahead, k);
         }
     }
-    inline void measure_pixels(const NoiseRow& row, const NguyenView& view, int x, const Real* noise) const {
+    inline void measure_pixels(const NoiseRow& row, const NguyenView& view, int x, const Real* offsets,
+                               PixelWords& ahead, int k) const {
         Real normal[3];
         Numbers::load_triples(view.normals + 3LL * ((long long)row.y * row.width + x), normal, row.width - x);
         const Real source_angle = SensorRange::finite(row.exact(x)) ? view.angle(normal) : Numbers::real(0.0f);
         const Real sigma = lateral + lateral_growth * steepness(Numbers::min(source_angle, Numbers::real(max_angle)));
         Shown shown;
-        shown.column = jittered(Numbers::columns(x), sigma * noise[0], view.width);
-        shown.row = jittered(Numbers::real((float)row.y), sigma * noise[1], view.height);
+        shown.column = jittered(Numbers::columns(x), sigma * offsets[0], view.width);
+        shown.row = jittered(Numbers::real((float)row.y), sigma * offsets[1], view.height);
         shown.load(view);
+        const Whole has_surface = SensorRange::finite(shown.depth);
+        if (!Numbers::any(has_surface)) return row.write(x, shown.depth, Numbers::whole(REASON_EMPTY));
+        // A single pixel draws the noise of depth only if it has a depth: drawing is most of its work.
+        if (Numbers::PIXELS == 1) ahead = PixelWords::draw(row.key, STREAM_DEPTH, row.y, x);
         const Real angle = view.angle(shown.normal), depth = shown.met(view, Numbers::indices(x), row.y);
-        const Real reported = range.report(depth + axial(depth, angle) * noise[2]);
-        const Whole has_surface = SensorRange::finite(shown.depth), grazing = angle > max_angle;
+        const Real reported = range.report(depth + axial(depth, angle) * Random::normal(ahead.block[k]));
+        const Whole grazing = angle > max_angle;
         const Real measured = grazing ? Numbers::real(Numbers::no_number()) : reported;
         const Whole reason = grazing ? Numbers::whole(REASON_GRAZING) : SensorRange::reason(reported);
         row.write(x, has_surface ? measured : shown.depth, has_surface ? reason : Numbers::whole(REASON_EMPTY));
