@@ -9,6 +9,8 @@ from warpvis.kernels.casting.packets import BvhScene
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.native_source import include_native
 
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
 
 @wp.struct
 class RayBundles:
@@ -94,11 +96,10 @@ def _make_kernel(rays: str) -> wp.Kernel:
         images_out: wp.array[Images],
     ): ...
 
+    options = include_native("cpu/table.h")
+
     @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        module_options={"extra_build_options": include_native("cpu/table.h")},
+        module="unique", enable_backward=False, grid_stride=False, module_options={"extra_build_options": options}
     )
     def cast_table_packets(
         # In:
