@@ -181,9 +181,10 @@ def read_camera_info(message: Message, *, rectified: bool = True) -> CameraInfo:
     region = _read_region(message)
     if rectified and p[0, 0] != 0:
         _check_projection(p)
-        is_rectified = (
-            not is_distorted and (p[:, :3] == k).all() and _is_plain(_matrix(field(message, "r", "R"), (3, 3), "R"))
-        )
+        is_rectified = not is_distorted and bool((p[:, :3] == k).all())
+        if is_rectified:
+            r = _matrix(field(message, "r", "R"), (3, 3), "R")
+            is_rectified = not r.any() or bool((r == np.eye(3)).all())
         if region.rectify and not region.is_full and not is_rectified:
             raise CameraError(
                 "CameraInfo has a region of interest of the raw image, but does not define the corresponding region of "
@@ -272,10 +273,6 @@ def _check_projection(p: NDArray[np.float64]) -> None:
         "its header. A Camera ignores this offset: include it in the pose.",
         IntrinsicsWarning,
     )
-
-
-def _is_plain(r: NDArray[np.float64]) -> bool:
-    return not r.any() or bool((r == np.eye(3)).all())
 
 
 def _numbers(values: ArrayLike | Iterable[float], name: str) -> NDArray[np.float64]:
