@@ -88,7 +88,7 @@ class TableCall:
 
 
 def _make_kernel(rays: str) -> wp.Kernel:
-    """Return the kernel for a ``RayKind`` of ``native/cpu/image.h``, in a module of its own, as compilation is slow."""
+    """Return the kernel for a ``RayKind`` of ``native/cpu/image.h``, in a separate module, as compilation is slow."""
 
     @wp.func_native(f"warpvis::TableLaunch::table<warpvis::{rays}>(calls.data[0], images_out.data[0]);")
     def cast_bundles(

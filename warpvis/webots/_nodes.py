@@ -188,7 +188,7 @@ def fail(node: Node, expected: str, got: object) -> NoReturn:
 
 
 def new_node(like: Node, kind: str, fields: dict[str, Value], name: str | None = None) -> Node:
-    """Create a node of a type, with fields and a DEF name, in place of or within another, whose version it gets."""
+    """Create a node with fields and a DEF name that replaces another one or is part of it, and has its version."""
     parts = [item for value in fields.values() for item in nodes_in(value)]
     size, height = 1 + sum(part.size for part in parts), 1 + max((part.height for part in parts), default=0)
     return Node(kind, fields, name, like.file, like.line, like.version, like.protos, size, height)

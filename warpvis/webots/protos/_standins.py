@@ -181,7 +181,7 @@ def solid_of(
     default_name: str = "",
     copied: Sequence[str] = ("translation", "rotation", "recognitionColors"),
 ) -> Node:
-    """Build a Solid in place of an instance, with its name and the fields in `copied`."""
+    """Build a Solid that replaces an instance, with its name and the fields in `copied`."""
     fields = {field: node.fields[field] for field in copied if field in node.fields}
     if default_name or "name" in node.fields:
         fields["name"] = [node.text("name", default_name)]
