@@ -15,8 +15,8 @@ from warpvis import scenes
 from warpvis.visibility import Agent, FieldOfView, State, perspective
 from warpvis.viz import STATE_COLORS, save_perspective, save_point_sightings, save_sightings
 from warpvis.viz._drawing import PanelData, agent_view, views_of_faces
+from warpvis.viz._overview import OBJECT_COLORS, STATUS_COLORS
 from warpvis.viz._perspective import _floor_map, draw_perspective
-from warpvis.viz._sightings import OBJECT_COLORS, STATUS_COLORS
 
 DEFAULTS = {"view": 0, "title": "A title", "labels": ["object"], "eye": None, "target": None, "proposed": None}
 DEFAULTS["object_poses"] = None
@@ -360,7 +360,7 @@ def test_long_names_in_legend_are_shortened_in_the_middle(tmp_path, monkeypatch)
     for k in range(17):
         box = trimesh.creation.box((0.1, 0.1, 0.1), transform=trimesh.transformations.translation_matrix([k / 4, 3, 0]))
         scene.add(box, name=f"a rather long name of a box of the warehouse {k:02d}")
-    monkeypatch.setattr("warpvis.viz._sightings.save_figure", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr("warpvis.viz._overview.save_figure", lambda figure, path: figures.append(figure))
     eye = wv.look_at((2, -2, 0), (2, 3, 0))
     save_sightings(scene, wv.Camera.from_fov(320, 240, hfov=1.2, far=20), eye, tmp_path / "boxes.png")
     (figure,) = figures

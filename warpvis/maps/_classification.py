@@ -174,24 +174,18 @@ def classify_rendered(
     """
     require_scene(scene)
     depth = as_warp(depth, wp.float32, ("V", "H", "W"), name="depth", device=scene.device)
-    objects = _read_objects(objects, depth, scene)
-    reach = check_length(max_range, "max_range", infinite=True)
-    labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
-    launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
-    return labels
-
-
-def _read_objects(objects: ArrayInput, depth: wp.array, scene: Scene) -> wp.array:
-    """Read object images of the shape of `depth`; check the indices of host arrays."""
-    result = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
-    if not on_gpu(objects):
-        host = result.numpy()
-        low, high = int(host.min(initial=-1)), int(host.max(initial=-1))
+    on_host = not on_gpu(objects)
+    objects = as_warp(objects, wp.int32, depth.shape, name="objects", device=scene.device)
+    if on_host:
+        low, high = (int(limit(objects.numpy(), initial=-1)) for limit in (np.min, np.max))
         if low < -1 or high >= len(scene):
             raise ArrayError(
                 f"objects must be from -1 to {len(scene) - 1}, indices of the scene's objects, got {low} to {high}"
             )
-    return result
+    reach = check_length(max_range, "max_range", infinite=True)
+    labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
+    launch_label_objects(scene.object_labels(), depth, objects, reach, labels, threads)
+    return labels
 
 
 def _device_spheres(spheres: Sequence[Sphere] | ArrayLike, device: wp.Device) -> tuple[Spheres, int]:

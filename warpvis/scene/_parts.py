@@ -110,7 +110,7 @@ class FileParts:
     ) -> list[Part]:
         """Return the parts as a scene has them, up to `scale`: labeled, rotated upright, and movable as specified.
 
-        Arguments as for `Scene.load`; the `movable` parts of a file that names none move independently.
+        Arguments as for `Scene.load`.
         """
         if not self.parts:
             left_out = truncate(next(iter(self.warnings), ""), _LONGEST_LIST)
@@ -123,7 +123,7 @@ class FileParts:
         upright = self._upright(scene_up, file_up)
         factor = factors.flat[0]
         uniform = bool((factors == factor).all())
-        parts = [part if _keeps_pose(part, uniform) else _without_pose(part) for part in _with_movable(self, movable)]
+        parts = [_with_uniform_pose(part, uniform) for part in _with_movable(self, movable)]
         poses = _rotated_poses(parts, upright, factor)
         objects = []
         for part, pose in zip(parts, poses, strict=True):
@@ -170,14 +170,9 @@ def _with_movable(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     return [replace(part, movable=any(map(part.matches, patterns)), attach_to=None) for part in file.parts]
 
 
-def _keeps_pose(part: Part, uniform: bool) -> bool:
-    """Return whether a part keeps its pose: not if the scale is not uniform."""
-    return part.pose is None or (uniform and (part.has_frame or not part.movable))
-
-
-def _without_pose(part: Part) -> Part:
-    """Return the part with its vertices in the file's frame, without a pose."""
-    if part.pose is None or isinstance(part.mesh, Solid):
+def _with_uniform_pose(part: Part, uniform: bool) -> Part:
+    """Return the part; without a pose, in the frame of the file, if its scale is not uniform or it has no frame."""
+    if part.pose is None or isinstance(part.mesh, Solid) or (uniform and (part.has_frame or not part.movable)):
         return part
     vertices, faces = part.mesh
     return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None)

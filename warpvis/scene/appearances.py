@@ -52,11 +52,9 @@ class LazyAppearance:
 
     def for_any_mesh(self) -> LazyAppearance:
         """Return the part that is valid for any mesh."""
-        return self if self._fits_any_mesh else LazyAppearance(self._first_material, fits_any_mesh=True)
-
-    def _first_material(self) -> Appearance | None:
-        found = self.get()
-        return None if found is None else found.for_any_mesh()
+        if self._fits_any_mesh:
+            return self
+        return LazyAppearance(lambda: (found := self.get()) and found.for_any_mesh(), fits_any_mesh=True)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as the appearance itself."""

@@ -33,11 +33,7 @@ def provably_closed(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     So every ray from c hits the surface exactly once: the surface does not intersect itself, bounds a solid, and its
     normals point outwards. A ray from outside enters that solid through a front face before it hits a back face.
 
-    False is inconclusive: the mesh may still be closed.
-
-    Args:
-        vertices: Corners, shape ``(n, 3)``; corners at the same position count as one.
-        faces: Corner indices of the triangles, shape ``(m, 3)``.
+    False is inconclusive: the mesh may still be closed. Corners at the same position count as one.
     """
     if not has_no_boundary(vertices, faces):
         return False
@@ -112,8 +108,10 @@ def _is_star_shaped(vertices: NDArray[np.float32], faces: NDArray[np.int32], cen
     volume = ax * nx + ay * ny + az * nz
     product = a * b * c
     outward = volume > _VOLUME_TOLERANCE * product
-    if not outward.all() and _have_area(vertices, faces[~outward]).any():
-        return False
+    if not outward.all():
+        corners = np.asarray(vertices, dtype=np.float64)[faces[~outward].T]
+        if np.cross(corners[1] - corners[0], corners[2] - corners[0]).any():  # they have an area
+            return False
     # tan(angle / 2) of a triangle's solid angle
     divisor = product + (ax * bx + ay * by + az * bz) * c + (bx * cx + by * cy + bz * cz) * a
     divisor += (cx * ax + cy * ay + cz * az) * b
@@ -128,8 +126,3 @@ def _solid_angle(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> flo
     volume = (a * np.cross(b, c)).sum(axis=1)
     divisor = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
     return float(2 * np.arctan2(volume, divisor).sum())
-
-
-def _have_area(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
-    a, b, c = np.asarray(vertices, dtype=np.float64)[faces.T]
-    return (np.cross(b - a, c - a) != 0).any(axis=1)

@@ -300,7 +300,7 @@ def _image(image: ArrayLike, name: str) -> NDArray[np.uint8]:
 
 def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8]:
     """Decode an image, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     if source == b"":
         source = Path()  # the image was not found: opening this fails
@@ -312,17 +312,13 @@ def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8
             with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
                 return pixels(image)
     except Exception as error:  # decoders may raise any exception
-        return _white(error, name)
-
-
-def _white(error: Exception, name: str) -> NDArray[np.uint8]:
-    """Warn of an image that cannot be read, and return `WHITE`."""
-    reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else _reason(error)
-    warn_user(
-        f"{name}: cannot be read as an image ({reason}); using white, so that the material's base color shows",
-        UserWarning,
-    )
-    return WHITE.copy()
+        reason = "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)
+        reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else reason
+        warn_user(
+            f"{name}: cannot be read as an image ({reason}); using white, so that the material's base color shows",
+            UserWarning,
+        )
+        return WHITE.copy()
 
 
 def pixels(image: Image) -> NDArray[np.uint8]:
@@ -332,12 +328,6 @@ def pixels(image: Image) -> NDArray[np.uint8]:
         return np.repeat(gray[:, :, None], 3, axis=2)
     transparent = "A" in image.mode or "a" in image.mode or "transparency" in image.info
     return np.asarray(image.convert("RGBA" if transparent else "RGB"), dtype=np.uint8)
-
-
-def _reason(error: Exception) -> str:
-    from PIL import UnidentifiedImageError
-
-    return "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)
 
 
 def as_numbers(value: ArrayLike, message: str) -> np.ndarray:

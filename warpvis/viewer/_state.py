@@ -287,8 +287,12 @@ class ViewerState:
         if cloud_kind == "labels":
             points, labels = views[0].cloud()
             point_colors, states = label_colors()[labels], _NO_STATES
+        elif cloud_kind == "none":
+            points, point_colors, states = _NO_POINTS, _NO_POINTS.astype(np.uint8), _NO_STATES
         else:
-            points, point_colors, states = self._surface_cloud(agents, object_poses, cloud_kind)
+            states = self.cloud.states(agents, object_poses, self.cloud.positions(object_poses))
+            points = self.cloud.positions(object_poses, _LIFT * self.cloud.spacing)  # slightly above the surfaces
+            point_colors = _STATE_TABLE[states]
         return Snapshot(
             agents=agents,
             object_poses=object_poses,
@@ -302,16 +306,6 @@ class ViewerState:
             states=states,
             seconds=time.perf_counter() - begin,
         )
-
-    def _surface_cloud(
-        self, agents: Sequence[Agent], object_poses: NDArray[np.float64], kind: CloudKind
-    ) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint8]]:
-        """Return points slightly above all surfaces, their colors, and their `State`."""
-        if kind == "none":
-            return _NO_POINTS, _NO_POINTS.astype(np.uint8), _NO_STATES
-        states = self.cloud.states(agents, object_poses, self.cloud.positions(object_poses))
-        lifted = self.cloud.positions(object_poses, _LIFT * self.cloud.spacing)
-        return lifted, _STATE_TABLE[states], states
 
     def colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
         """Return the RGB color of every object and, last, of pixels without an object, ``(objects + 1, 3)``."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import check_length, empty
@@ -140,7 +139,6 @@ def object_visibility(
     chosen = choose_objects(scene, objects)
     poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
-    options = {"skip_unseen": check_flag(skip_unseen, "skip_unseen"), "masks": check_flag(masks, "masks")}
     found = see_objects(
         scene,
         camera,
@@ -150,15 +148,23 @@ def object_visibility(
         delta=delta,
         canvas=canvas,
         min_pixels=min_pixels,
+        skip_unseen=check_flag(skip_unseen, "skip_unseen"),
+        masks=check_flag(masks, "masks"),
         caster=caster,
         threads=threads,
-        **options,
     )
     if scene.device.is_cpu and len(poses):
         if quaternion == "xyzw":
             warn_of_order(camera_to_world, convention)
-        rows, seen = poses.numpy(), seen_objects(scene, worlds.excluded)
-        _warn_of_blindness(scene, camera, rows, found, seen, object_poses is not None)
+        # Invisible scenes may be in millimeters, and cameras inside closed objects.
+        seen, status = seen_objects(scene, worlds.excluded), found.status.numpy()
+        unseen = ~(status == Visibility.VISIBLE).any(axis=1)
+        if unseen.all() and not (status == Visibility.OCCLUDED).any():
+            warn_of_units(scene, camera.far, seen)
+        blind = unseen & (status == Visibility.TOO_NEAR).any(axis=1)
+        if object_poses is not None:
+            seen &= ~np.array([item.movable for item in scene.objects])
+        warn_of_eyes_inside(scene, camera.near, poses.numpy(), np.flatnonzero(blind), seen)
     return found
 
 
@@ -213,25 +219,6 @@ def see_objects(
         launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
         wp.copy(counted[:, part], counts[: len(_COUNTERS)])
     return result
-
-
-def _warn_of_blindness(
-    scene: Scene,
-    camera: ImageCamera,
-    poses: NDArray[np.float32],
-    found: ObjectVisibility,
-    seen: NDArray[np.bool_],
-    moved: bool,
-) -> None:
-    """Warn of invisible scenes that appear to be in millimeters, and of cameras inside closed objects."""
-    status = found.status.numpy()
-    unseen = ~(status == Visibility.VISIBLE).any(axis=1)
-    if unseen.all() and not (status == Visibility.OCCLUDED).any():
-        warn_of_units(scene, camera.far, seen)
-    blind = unseen & (status == Visibility.TOO_NEAR).any(axis=1)
-    if moved:
-        seen &= ~np.array([item.movable for item in scene.objects])
-    warn_of_eyes_inside(scene, camera.near, poses, np.flatnonzero(blind), seen)
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:

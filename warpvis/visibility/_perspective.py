@@ -217,7 +217,7 @@ class Perspective:
                     name,
                     self.label_names.name(self.labels[k]),
                     *cells,
-                    *(_state_text(state[k], *p) for p, state in states),
+                    *(("neither", f"{a} only", f"{b} only", "both")[state[k]] for (a, b), state in states),
                 ]
             )
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -377,11 +377,6 @@ def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.ui
     status = np.where(pixels.any(axis=0), status, too_few)
     status = np.where(image == 0, Visibility.OUT_OF_VIEW, status)
     return np.where(seen, Visibility.VISIBLE, status).astype(np.uint8)
-
-
-def _state_text(state: int, first: str, second: str) -> str:
-    """Return the text of a state in `table`."""
-    return ("neither", f"{first} only", f"{second} only", "both")[state]
 
 
 def _check_agents(scene: Scene, agents: Sequence[Agent]) -> list[Agent]:

@@ -102,7 +102,9 @@ def judge_by_packets(
     launch = pack_launch(judge_points_packets, inputs)
     if space.job.bins is None:
         launch.launch()  # without scratch memory, it only writes the sizes that it needs to `job.bytes`
-        _make_memory(space)
+        bins, scratch = space.job.bytes.numpy().tolist()
+        space.job.bins = aligned_empty((layout.workers if layout.views_are_units else 1, bins), wp.uint8)
+        space.job.scratch = aligned_empty((layout.workers, scratch), wp.uint8)
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.free_workspaces) < _MAX_CACHED:
@@ -166,11 +168,3 @@ def _make(layout: _Layout) -> _Workspace:
     job.taken = wp.zeros(layout.workers, dtype=wp.int32, device="cpu")
     job.bytes = wp.zeros(2, dtype=wp.int64, device="cpu")
     return _Workspace(layout, job, counter)
-
-
-def _make_memory(space: _Workspace) -> None:
-    """Allocate the memory of a job, whose size the first launch has written."""
-    bins, scratch = space.job.bytes.numpy().tolist()
-    workers = space.layout.workers
-    space.job.bins = aligned_empty((workers if space.layout.views_are_units else 1, bins), wp.uint8)
-    space.job.scratch = aligned_empty((workers, scratch), wp.uint8)

@@ -10,7 +10,12 @@ from ._figures import (
     save_map as save_map,
     save_preview as save_preview,
 )
-from ._overview import save_depth as save_depth, save_overview as save_overview, view_from_outside as view_from_outside
+from ._overview import (
+    save_depth as save_depth,
+    save_overview as save_overview,
+    save_point_sightings as save_point_sightings,
+    save_sightings as save_sightings,
+    view_from_outside as view_from_outside,
+)
 from ._perspective import save_perspective as save_perspective
 from ._sensor_fits import save_sensor_fit as save_sensor_fit
-from ._sightings import save_point_sightings as save_point_sightings, save_sightings as save_sightings

@@ -254,7 +254,8 @@ def join_trees(
     if not all(tree.leaves.device.is_cpu for tree in trees):
         _join_on_device(struct, trees, closed, device, share=share)
         return
-    owners = [_marked(tree, flags) for tree, flags in zip(trees, closed, strict=True)]
+    own = [tree.owners.numpy() for tree in trees]
+    owners = [np.where(flags[owner], ~owner, owner) for owner, flags in zip(own, closed, strict=True)]
     if len(trees) == 1 and share:
         tree = trees[0]
         np.copyto(tree.owners.numpy(), owners[0])
@@ -318,12 +319,6 @@ def _join_on_device(
             children = struct.children[node * lanes : (node + tree.node_count) * lanes]
             move_children(children, node, leaf)
         node, leaf = node + tree.node_count, leaf + tree.leaf_count
-
-
-def _marked(tree: Bvh, closed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Return a tree's owners, complemented for objects whose back faces can be culled."""
-    owners = tree.owners.numpy()
-    return np.where(closed[owners], ~owners, owners)
 
 
 def _join(parts: Sequence[np.ndarray], dtype: type, device: wp.Device) -> wp.array:
