@@ -107,8 +107,7 @@ def classify(
     use `classify_rendered` for them.
 
     Args:
-        depth: Depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for
-            one view. Host arrays that apparently contain millimeters raise an error; arrays on a GPU are not checked.
+        depth: As for `back_project`.
         camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         spheres: Objects: `Sphere`s, or rows ``x y z diameter`` [m] of shape ``(S, 4)``, labeled `Label.OBJECT`.

@@ -77,11 +77,7 @@ def voxel_map(
     rounding: begin the box half a voxel lower.
 
     Args:
-        depth: Measured or rendered depth as defined by the camera (planar for a pinhole) [m], shape ``(V, H, W)``
-            float32, or ``(H, W)`` for one view. +inf, or a finite depth beyond `far`, means no surface up to `far`;
-            -inf, or a depth between 0 and `near`, means a surface nearer than `near` that occludes everything behind it
-            (REP 117). 0, negative and NaN mean no measurement. Host arrays that apparently contain millimeters raise an
-            error; arrays on a GPU are not checked.
+        depth: Depth of each view [m], measured or rendered, as for `warpvis.point_visibility_from_depth`.
         camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`, for which voxels are projected
             on the host; its pixels without a ray are ignored.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.

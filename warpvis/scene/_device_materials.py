@@ -28,20 +28,13 @@ _LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
 """In the order of `kernels.shading.lighting`."""
 
 
-def pack_materials(
-    objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device
-) -> tuple[DeviceMaterials, bool]:
-    """Copy all appearances to a device; return the tables, and whether they depend on deforming vertices."""
-    packing = _Packing(objects, movable, device)
-    return packing.struct(), packing.deforms
-
-
-class _Packing:
-    """Tables that grow object by object; shared data is stored once."""
+class MaterialTables:
+    """The appearances of all objects, with decoded textures, in tables that grow object by object and share data."""
 
     def __init__(self, objects: Sequence[SceneObject], movable: Sequence[int], device: wp.Device) -> None:
         self._device = device
         self.deforms = False
+        """Whether the tables depend on vertices that deform."""
         self._columns = {index: column for column, index in enumerate(movable)}
         self._materials: list[Any] = []
         self._textures: list[Any] = []

@@ -530,13 +530,14 @@ class Scene:
 
     def device_materials(self, background: Background | None) -> DeviceMaterials:
         """Return the device materials of the objects, created on first use after a change."""
-        from warpvis.scene._device_materials import pack_materials, set_background
+        from warpvis.scene._device_materials import MaterialTables, set_background
 
         objects, movable = self.objects, self.movable
         with self._lock:
             materials, deforms = self._derived.get("materials", (None, True))
             if deforms:
-                materials, deforms = self._derived["materials"] = pack_materials(objects, movable, self.device)
+                tables = MaterialTables(objects, movable, self.device)
+                materials, _ = self._derived["materials"] = tables.struct(), tables.deforms
             set_background(materials, background)
             return materials
 

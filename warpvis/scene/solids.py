@@ -107,8 +107,7 @@ def capsule(radius: float, half_length: float, *, mesh_tolerance: float = DEFAUL
     Args:
         radius: Its radius [m].
         half_length: Half the length of the cylinder between the half balls [m].
-        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
-            more.
+        mesh_tolerance: As for `sphere`.
     """
     radius = _check_size(radius, "radius of a capsule")
     half_length = _check_size(half_length, "half_length of a capsule")
@@ -127,8 +126,7 @@ def cylinder(radius: float, half_length: float, *, mesh_tolerance: float = DEFAU
     Args:
         radius: Its radius [m].
         half_length: Half its length [m].
-        mesh_tolerance: Maximum distance of its triangles from the true surface [m], or 1e-4 of the radius if that is
-            more.
+        mesh_tolerance: As for `sphere`.
     """
     radius = _check_size(radius, "radius of a cylinder")
     half_length = _check_size(half_length, "half_length of a cylinder")

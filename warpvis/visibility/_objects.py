@@ -34,7 +34,7 @@ BOP_DELTA = 0.015
 """The `delta` of BOP's toolkit [m] (``scripts/calc_gt_info.py``); 0.005 for ITODD and for renderings to train with."""
 
 # Counters, in the kernels' order, and results that are computed from them.
-_COUNTERS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
+COUNTERS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
 _RESULTS = {
     "fraction": wp.float32,
     "status": wp.uint8,
@@ -217,7 +217,7 @@ def see_objects(
         )
         outs = [getattr(result, name)[part] for name in _RESULTS]
         launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
-        wp.copy(counted[:, part], counts[: len(_COUNTERS)])
+        wp.copy(counted[:, part], counts[: len(COUNTERS)])
     return result
 
 
@@ -246,8 +246,8 @@ def _allocate(
     names = tuple(scene.objects[index].name for index in chosen)
     views, count = shape
     # Warp cannot slice an array without rows.
-    counted = empty((len(_COUNTERS), max(1, views), count), wp.int32, name="counts", device=scene.device)
-    arrays = {name: counted[row, :views] for row, name in enumerate(_COUNTERS)}
+    counted = empty((len(COUNTERS), max(1, views), count), wp.int32, name="counts", device=scene.device)
+    arrays = {name: counted[row, :views] for row, name in enumerate(COUNTERS)}
     for name, dtype in _RESULTS.items():
         arrays[name] = empty(shape, dtype, name=name, device=scene.device)
     masks = None

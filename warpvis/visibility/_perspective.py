@@ -23,9 +23,7 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._agents import Agent, Situations
-from warpvis.visibility._objects import ObjectVisibility, choose_objects, see_objects
-
-_COUNTS = ("visible_pixels", "image_pixels", "silhouette_pixels", "too_near_pixels", "too_far_pixels")
+from warpvis.visibility._objects import COUNTERS, ObjectVisibility, choose_objects, see_objects
 
 
 class State(enum.IntEnum):
@@ -294,7 +292,7 @@ def perspective(
     centers = situations.centers(scene, indices)
     for agent in agents:
         counts, occluder = measurement.measure(agent)
-        sums.append(np.broadcast_to(counts, (len(_COUNTS), *shape)))
+        sums.append(np.broadcast_to(counts, (len(COUNTERS), *shape)))
         occluders.append(np.broadcast_to(occluder, shape))
         attended.append(np.broadcast_to(measurement.count_attended(agent) >= min_pixels, shape))
         angles.append(np.broadcast_to(agent.angles_to(centers), shape))
@@ -333,9 +331,9 @@ class _Measurement:
     threads: int | None
 
     def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return an agent's `_COUNTS`, summed over its faces, ``(5, views, K)``, and the main occluders."""
+        """Return an agent's `COUNTERS`, summed over its faces, ``(5, views, K)``, and the main occluders."""
         faces = [self._see(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
-        counts = np.stack([[getattr(seen, name).numpy() for name in _COUNTS] for seen in faces])
+        counts = np.stack([[getattr(seen, name).numpy() for name in COUNTERS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
         occluders = np.stack([seen.occluder.numpy() for seen in faces])
         main_face = hidden.argmax(axis=0)[None]
@@ -366,7 +364,7 @@ def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return `Visibility` from `_COUNTS`: VISIBLE where `seen`, otherwise the reason for most pixels in the images."""
+    """Return `Visibility` from `COUNTERS`: VISIBLE where `seen`, otherwise the reason for most pixels in the images."""
     _, image, silhouette, too_near, too_far = counts
     hidden = _hidden_pixels(counts)
     reasons = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR], dtype=np.uint8)
