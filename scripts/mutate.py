@@ -72,6 +72,7 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("cpu/workers.h", "threads packets worlds"),
     ("cpu/arena.h", "threads packets worlds"),
     ("cpu/*.h", "exact_pixels casters packets near_plane worlds table_packets"),
+    ("shared/error_bounds.h", "error_bounds exact_pixels casters packets near_plane table_packets"),
     ("shared/*.h", "exact_pixels casters packets worlds near_plane solids table_packets stereo object_visibility"),
     # Modules of sensors and of special cameras.
     ("rendering/_depth_sensor.py", "depth_sensor randomized latency stereo"),

@@ -16,9 +16,6 @@
 #include "shared/edges.h"
 #include "shared/pose.h"
 
-// Factor of the error bound of edge functions if u and v of the rays are rounded too.
-constexpr float ROUNDED_RAY_FACTOR = 1.5f;
-
 // The images to render, in units of strips.
 struct Job {
     int views, height, width;
@@ -90,7 +87,7 @@ struct Camera {
     // pixels from the principal point to the farthest side of the image, or the focal length if that is greater
     float extent;
     float per_extent;  // 1 / that
-    float edge_error_bound;  // relative error bound of edge functions: see Setup::leaf
+    float edge_error_bound;  // relative error bound of edge functions: see shared/error_bounds.h
     float far;
     float blur;  // distance by which rounding may move a corner, in pixels
     bool skip_back_faces;  // of closed objects, because the camera is outside all of them
@@ -123,8 +120,8 @@ struct Camera {
         camera.per_extent = 1.0f / camera.extent;
         camera.edge_error_bound =
             EDGE_ERROR_BOUND * (KIND == PIXEL_RAYS ? 1.0f : ROUNDED_RAY_FACTOR) * (float)(1.0 + reach / focal);
-        camera.far = job.far * 1.00001f;
-        camera.blur = 6e-8f * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
+        camera.far = job.far * FARTHER;
+        camera.blur = ROUNDING * ((float)(job.focal[0] + job.focal[1]) + (float)(job.width + job.height));
         camera.skip_back_faces = false;
         camera.cull_back_faces = job.cull_back_faces;
         camera.excluded = nullptr;

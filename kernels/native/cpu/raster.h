@@ -55,7 +55,7 @@ struct Raster : Pixels {
     }
     static inline Ints has_unstable_plane(const Camera& camera, const Triangles& t, Floats width, Floats height) {
         const Floats change = Lanes::abs(t.inv_z.u) * width + Lanes::abs(t.inv_z.v) * height;
-        return camera.blur * (width + height) * change > 6e-6f * t.min_inv_z * t.area;
+        return camera.blur * (width + height) * change > ALLOWED_ERROR * t.min_inv_z * t.area;
     }
 
     // Each lane tests a pixel (x, y) of its triangle's bounds; all lanes step through x and y together.

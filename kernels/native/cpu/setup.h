@@ -57,13 +57,6 @@ struct Exactly {
     }
 };
 
-// Greatest rotation of a triangle's plane by rounding of its corners, as a fraction of 1 / z, for which single
-// precision suffices.
-constexpr float MAX_PLANE_ROTATION = 5e-5f;
-
-// Greatest ratio of the terms of inv_z to their sum for which single precision suffices.
-constexpr float MAX_TERMS = 16.0f;
-
 struct Setup {
     // cross(a - b, a + b) is 2 a x b, and exactly its negative if a and b are swapped.
     static inline Linear edge(Points a, Points b, Floats sign) {
@@ -132,7 +125,7 @@ struct Setup {
         const Floats one = Lanes::all(1.0f), none = Lanes::all(0.0f);
         const Floats inverse[3] = {one / c[0].z, one / c[1].z, one / c[2].z};
         // Triangles that reach behind the camera may cover any part of the image.
-        const Ints crossing = zmin <= 1e-6f * zmax + Lanes::all(1e-30f);
+        const Ints crossing = zmin <= CROSSING_SHARE * zmax + Lanes::all(CROSSING_MIN);
         out.shown = shown & (zmax > none);
         Box box;
         if (!bound<KIND>(image, c, inverse, crossing, out, box)) return false;

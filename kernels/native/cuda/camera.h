@@ -7,15 +7,7 @@
 
 #include "cuda/cells.h"
 #include "cuda/ray_origins.h"
-
-// Error bound of a triangle's volume, as a fraction of the product of the lengths of two sides, the distance of their
-// common corner and the lengths of the rows of to_camera: 4 sqrt(3) roundings for each side, 5 sqrt(3) for the corner
-// and 5 for the products and their sum make 28 roundings. It is 0 where two corners coincide, as in unused lanes of a
-// leaf.
-constexpr float VOLUME_ERROR = 28.0f * 6e-8f;
-// Error bound of a component of a triangle's normal, as a fraction of the product of the lengths of two sides and of
-// two rows: four roundings.
-constexpr float SLOPE_ERROR = 2.4e-7f;
+#include "shared/error_bounds.h"
 
 // The camera in the world or in the frame of a movable object, and the rotation from that frame into camera space. It
 // is stored in shared memory because all lanes read the same values.

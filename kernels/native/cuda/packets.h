@@ -7,10 +7,6 @@
 
 #include "cuda/output.h"
 
-// For the camera: factor by which traversal exceeds `far`; bound on the displacement of a corner by rounding, per pixel
-// of its coordinates.
-constexpr float FARTHER = 1.00001f, BLUR = 6e-8f;
-
 struct Packets {
     static inline Camera camera_of(const View& view) {
         Vec3d axis[3];  // right, down and forward in the world
@@ -41,7 +37,7 @@ struct Packets {
         camera.per_extent = 1.0f / camera.extent;
         const float fx = (float)view.focal[0], fy = (float)view.focal[1];
         camera.set_errors(fx, fy);
-        camera.blur = BLUR * ((fx + fy) + camera.last_x + camera.last_y);
+        camera.blur = ROUNDING * ((fx + fy) + camera.last_x + camera.last_y);
         return camera;
     }
 

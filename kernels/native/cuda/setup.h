@@ -55,10 +55,6 @@ struct alignas(16) Triangle {
 // Margin for rounding in pixels: a constant part, and a multiple of `blur`, the distance by which rounding may move a
 // corner.
 constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
-// A corner counts as behind the camera if its depth is at most this fraction of the farthest one's, or negligible.
-constexpr float CROSSING_SHARE = 1e-6f, CROSSING_MIN = 1e-30f;
-// Relative error of a rounded term of 1 / z, and the allowed relative error of 1 / z.
-constexpr float TERM_ERROR = 2e-7f, ALLOWED_ERROR = 6e-6f;
 // If the extent of the corners exceeds the depth of the nearest one by this factor, each is transformed separately.
 constexpr float COARSE = 4.0f;
 
@@ -238,7 +234,7 @@ struct Setup {
         inline float spread(const Camera& camera) const {
             return __fmaf_rn(camera.extent, zmax() - zmin(), (fabsf(ab.x) + fabsf(ac.x)) + (fabsf(ab.y) + fabsf(ac.y)));
         }
-        // Error bound of the edge functions inside the image; see EDGE_ERROR_BOUND.
+        // Error bound of the edge functions inside the image; see shared/error_bounds.h.
         inline float edge_error(const Camera& camera) const {
             const float extent = spread(camera);
             const float distance = camera.origins.corner_distance(__fmaf_rn(2.0f * camera.extent, zmax(), extent));

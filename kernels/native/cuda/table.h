@@ -105,7 +105,7 @@ struct TablePacket {
         camera.per_extent = 1.0f / camera.extent;
         camera.set_errors(width, height);
         camera.stretch = Vec3{1.0f, 1.0f, 1.0f};
-        camera.blur = BLUR * (width + height + 2.0f * first + camera.last_x + camera.last_y);
+        camera.blur = ROUNDING * (width + height + 2.0f * first + camera.last_x + camera.last_y);
     }
 
     // Clear the z-buffer. A pixel without a ray counts as very near, so that it hides everything and is never shown.

@@ -10,16 +10,7 @@
 
 #pragma once
 
-// Relative error bound of an edge function in single precision: a fraction of the product of the extent of the
-// triangle's corners and their distance from the camera, both in pixels times depth. The largest error among millions
-// of adversarial triangles was 0.81 of this bound.
-constexpr float EDGE_ERROR_BOUND = 1.5e-7f;
-
-// The bound holds for pixels up to this far outside a triangle [px], however small the triangle is.
-constexpr float EDGE_MARGIN = 0.01f;
-
-// Relative error bound in double precision: eight roundings.
-constexpr double EXACT_ERROR_BOUND = 1e-15;
+#include "shared/error_bounds.h"
 
 // A triangle relative to the ray origin, in the frame of its tree.
 struct ExactCorners {
