@@ -116,7 +116,7 @@ def check_outputs(outputs: object, *others: str) -> tuple[str, ...]:
         ArrayError: If there is no output, or an unknown one.
     """
     names = as_items(outputs, "outputs")
-    unknown = [str(name) for name in names if name not in others and find_output(name) is None]
+    unknown = [str(n) for n in names if not isinstance(n, str) or (n not in others and find_output(n) is None)]
     if unknown or not names:
         known = ", ".join((*OUTPUTS, *others))
         raise ArrayError(f"outputs must be some of {known}, got {', '.join(unknown) or 'none'}")
