@@ -52,7 +52,7 @@ def children(parent):
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             mine = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1]) == parent
-            if mine and b"writing._worker" in (folder / "cmdline").read_bytes():
+            if mine and b"batch._encoding import main" in (folder / "cmdline").read_bytes():
                 found.append(int(folder.name))
         except OSError:  # it has just ended
             continue

@@ -18,7 +18,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.poses import convert_axes
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.sensors.lidars._plain import directions_at
+from warpvis.sensors.lidars import directions_at
 from warpvis.webots._devices import check_resolution, read_field_of_view, read_ranges
 from warpvis.webots._nodes import Node, Version, correction, replaced
 
