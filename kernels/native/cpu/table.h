@@ -37,12 +37,23 @@ struct TablePackets {
         if (bundle == 0) TableWriter<KIND>::empty(table, out, first);
     }
 
-    // Do units of work: bundles of views.
+    static inline void work(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
+                            int* counter, Mode mode) {
+        const int units = table.views * table.bundles;
+        for (int next; (next = Workers::take(counter)) < units;) unit(scene, table, out, memory, next, mode);
+    }
+
+    // Take units of work, bundles of views, until none remain. With `run_units`, which does the same, Clang makes code
+    // that takes 10 % longer for the objects that a lidar sees.
     static inline void run(const Scene& scene, const TableJob& table, const Images& out, const TableMemory& memory,
                            int* counter) {
-        run_units(out, false, table.views * table.bundles, counter,
-                  [&](int next, Mode mode)
-                      __attribute__((always_inline)) { unit(scene, table, out, memory, next, mode); });
+        if (out.of_triangles())
+            work(scene, table, out, memory, counter, MODE_TRIANGLES);
+        else if (out.segmentation || out.labels)
+            work(scene, table, out, memory, counter, MODE_OBJECTS);
+        else
+            work(scene, table, out, memory, counter, MODE_DEPTH);
+        Workers::finish(counter);
     }
 };
 

@@ -183,17 +183,19 @@ class ImageSlots:
 
         images: Any = Images()
         self.struct = images
-        self._memory = images.__ctype__()
+        memory, self._slots = images.__ctype__(), []
+        for name in CAST:
+            self._slots.append((name, getattr(memory, name)))
         self._filled: set[str] = set()
 
     def fill(self, images: ImagesByName) -> None:
         """Write the addresses of a call's images."""
-        for name in CAST:
+        for name, slot in self._slots:
             if name in images:
-                getattr(self._memory, name).data = images[name].ptr
+                slot.data = images[name].ptr
                 self._filled.add(name)
             elif name in self._filled:
-                getattr(self._memory, name).data = 0
+                slot.data = 0
                 self._filled.remove(name)
 
 
