@@ -249,7 +249,7 @@ class Panel:
 def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radius: float) -> Proposal | str:
     """Propose a pose of the first agent, within `max_distance` [m], to see objects that only the second one sees.
 
-    If there is none, return the reason.
+    Without one, return the reason.
     """
     if len(snapshot.agents) < 2:
         return "There is no second agent."

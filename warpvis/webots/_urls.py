@@ -48,7 +48,7 @@ class Places:
     cache: Path | None = None  # folder of Webots' cache
 
     def find(self, url: str, file: str, protos: Iterable[str] = ()) -> Found | None:
-        """Find the local file of a URL in `file`, in the bodies of `protos`, outermost first; None if there is none."""
+        """Find the local file of a URL in `file`, in the bodies of `protos`, outermost first, or return None."""
         url = with_slashes(url)
         if not is_web(url) and not is_web(file):
             folders = [Path(file).parent]
@@ -96,7 +96,7 @@ def installed() -> list[Path]:
 
 
 def webots_cache() -> Path | None:
-    """Return the folder of Webots' download cache (user guide, "Installation Procedure"); None if there is none."""
+    """Return the folder of Webots' download cache (user guide, "Installation Procedure"), or None."""
     if sys.platform == "darwin":
         base = Path("~/Library/Caches")
     elif os.name == "nt":
@@ -112,7 +112,7 @@ def webots_cache() -> Path | None:
 
 
 def first_file(paths: Iterable[Path]) -> Found | None:
-    """Return the first existing file; None if there is none."""
+    """Return the first existing file, or None."""
     path = next(filter(is_file, paths), None)
     return None if path is None else Found(path, str(path))
 

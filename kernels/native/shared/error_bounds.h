@@ -10,7 +10,7 @@
 //
 // Edge functions. The function of the edge from a to b is 2 (a x b) . d for a ray in direction d. Moving a by e changes
 // it by 2 e . (b x d). The length of b x d is that of b's distance from the ray, which is at most S if the ray passes
-// through the triangle, and at most S + m z if it passes m pixels beside it. The products of (a - b) x (a + b), at most
+// through the triangle, and at most S + m z if it passes m pixels away. The products of (a - b) x (a + b), at most
 // S D each, and the sum over the components of d are rounded by multiples of u S D as well. Hence the bound
 //
 //     EDGE_ERROR_BOUND * D * (S + EDGE_MARGIN * D / extent),

@@ -73,7 +73,7 @@ def checked(place: str, make: Callable[[], Made]) -> Made:
 
 
 def one_camera(cameras: Iterable[ImageCamera], place: str) -> ImageCamera | None:
-    """Return the camera of all images; None if there is none, or, with a warning, if they have several."""
+    """Return the camera of all images; None without a camera, or, with a warning, if they have several."""
     remaining = iter(cameras)
     first = next(remaining, None)
     other = next((camera for camera in remaining if not camera.has_pixels_of(first)), None)

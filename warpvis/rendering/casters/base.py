@@ -28,7 +28,7 @@ _Item = TypeVar("_Item")
 ImagesByName = Mapping[str, wp.array]
 """Images to write, by the names of `warpvis.core.outputs`: those that were requested, and those that others need."""
 
-# Maximum number of kinds of calls with cached memory. A call uses up to three kinds: poses, a launch, and images.
+# Maximum number of kinds of calls with cached memory. A call uses up to two: a launch, and memory for images and poses.
 _MAX_KINDS = 9
 
 
@@ -49,7 +49,7 @@ class Pool:
         return Pool, (self._max_kinds,)
 
     def take(self, kind: Hashable) -> Any | None:
-        """Remove and return an object of a kind; None if there is none."""
+        """Remove and return an object of a kind, or return None."""
         try:
             return self._items[kind].pop()
         except (KeyError, IndexError):

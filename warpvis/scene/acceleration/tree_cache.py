@@ -79,7 +79,7 @@ def build_tree(mesh: Mesh, owner: NDArray[np.int32], closed: NDArray[np.bool_], 
 
 
 def build_object_tree(item: SceneObject, closed: bool, lanes: int, device: wp.Device) -> Bvh:
-    """Build the tree of a movable object, on the device if its mesh is there."""
+    """Build the tree of a movable object, on the device if that has its mesh."""
     from warpvis.kernels.casting.packets_cuda import LEVELS
 
     mesh, flags = item.mesh, np.array([closed])
