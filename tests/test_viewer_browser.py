@@ -3,12 +3,15 @@
 """Tests of the live page and its export in a browser."""
 
 import importlib.resources
+import io
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import viser.transforms
 from browser_pages import DESKTOP, PHONE, chromium, context_version, drawn_points, opened, screenshot, wait_for_points
+from PIL import Image
 
 from warpvis.cli import View
 from warpvis.scenes import EXPERIMENTS
@@ -105,18 +108,30 @@ def test_dragged_handle_changes_the_table(browser, viewer):
         # The green arrow, which moves the ball behind the high obstacle.
         start, end = (project(client.camera, ball + (0, way, 0), DESKTOP) for way in (0.9 * gizmo.scale, 1.5))
         page.mouse.move(*start)
-        page.wait_for_timeout(1500)  # software WebGL detects the hovered object slowly
+        wait_until(page, lambda: is_yellow(page, start))  # the page marks the arrow under the pointer
         page.mouse.down()
-        page.wait_for_timeout(500)
         for share in np.linspace(0.1, 1, 6):
             page.mouse.move(*(start + share * (end - start)))
-            page.wait_for_timeout(150)
         page.mouse.up()
-        page.wait_for_timeout(1500)
-        assert viewer.state.object_pose("ball")[1] > ball[1] + 0.3
+        wait_until(page, lambda: viewer.state.object_pose("ball")[1] > ball[1] + 0.3)
         row = next(row for row in viewer.page.snapshot.rows if row.name == "ball")
         wait_for_table(page, row.cells[0])
         assert row.fractions[0] < 0.9
+
+
+def wait_until(page, condition, seconds=60):
+    """Wait until a condition holds: software WebGL may need seconds for each picture."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(100)
+
+
+def is_yellow(page, place):
+    """Return whether the page shows yellow at a place [px]."""
+    png = page.screenshot(clip={"x": place[0], "y": place[1], "width": 1, "height": 1})
+    red, green, blue = Image.open(io.BytesIO(png)).convert("RGB").getpixel((0, 0))
+    return min(red, green) > blue + 50
 
 
 def project(camera, point, size):
