@@ -10,12 +10,37 @@
 // An edge function and 1 / z evaluate to the same value for a pixel in every packet, so an image does not depend on the
 // packet size. If rounding leaves the sign of an edge function uncertain, it is evaluated in double precision
 // (shared/edges.h), so that no ray slips between triangles.
+//
+// The variant of a kernel: constants that kernels/casting/packets_cuda.py defines before these headers.
+//
+//     PACKET_WIDTH, PACKET_HEIGHT   pixels of a packet
+//     LEVELS                        greatest depth of a tree, in levels of nodes
+//     CACHED_NUMBERS                trees with more numbers prefetch leaves
+//     TILE_BITS, MAX_TILES          of `FoundObjects`
+//     WITH_ID                       whether objects or normals may be requested
+//     MOVABLE, RESIZED              whether objects may move, and may have the sizes of `Worlds`
+//     CLIPS                         whether the near plane removes surfaces instead of letting them occlude others
+//     IS_TABLE                      whether rays are those of a ray table
+//     RAY_TABLE                     whether rays may miss the centers of their pixels: rays of a table, or points
+//     POINT_BLOCKS                  blocks of rays that are anywhere in the image of a packet; 0 if each has a pixel
+//     RAY_ORIGINS                   whether rays have distinct origins
 
 #pragma once
 
 #include "cuda/lanes.h"
-#include "cuda/near.h"
 #include "shared/pose.h"
+
+// A or B.
+template <bool IS_FIRST>
+struct Select {
+    template <class A, class B>
+    using Type = A;
+};
+template <>
+struct Select<false> {
+    template <class A, class B>
+    using Type = B;
+};
 
 enum {
     LEAF_WORDS = LEAF_ROWS * LANES,
@@ -64,6 +89,23 @@ struct Bvh {
         return leaves + (long long)(slot / LANES) * LEAF_WORDS + slot % LANES;
     }
 };
+
+// The near plane, which removes surfaces nearer than it if it CLIPS, and lets them occlude others otherwise.
+struct NearPlane {
+    float clip_inv_z;  // limit of 1 / z for visible surfaces
+    float reach;  // greatest distance from the eye of the plane's corners or, if they are distinct, of ray origins
+
+    // Whether the plane may clip a surface whose greatest 1 / z is max_inv_z; and whether a point of it remains
+    // visible.
+    inline bool cuts(float max_inv_z) const { return CLIPS && max_inv_z > clip_inv_z; }
+    inline bool shows(float inv_z, bool cut) const { return !CLIPS || !cut || inv_z <= clip_inv_z; }
+    inline float max_inv_z(float endless) const { return CLIPS ? clip_inv_z : endless; }
+    // Coordinates of a box, moved by `reach`: the near plane clips no box that the eye is beyond, and all ray origins
+    // are outside that box.
+    inline float below(float value) const { return CLIPS || RAY_ORIGINS ? value - reach : value; }
+    inline float above(float value) const { return CLIPS || RAY_ORIGINS ? value + reach : value; }
+};
+static_assert(!(CLIPS && RAY_ORIGINS), "there is one reach");
 
 struct Box {
     // A coordinate of the box of an object that may be stretched.

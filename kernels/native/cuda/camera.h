@@ -5,9 +5,35 @@
 
 #pragma once
 
-#include "cuda/cells.h"
 #include "cuda/ray_origins.h"
 #include "shared/error_bounds.h"
+
+// The cells of a packet's points (points.h), used to find the points that a small triangle may cover. Packets of pixels
+// need none.
+struct CellGrid {
+    enum { SIDE = !POINTS ? 1 : POINT_BLOCKS >= 32 ? 32 : POINT_BLOCKS >= 8 ? 16 : 8, COUNT = SIDE * SIDE };
+
+    float per_u, per_v;  // cells per pixel of the packet
+
+    // Cells per pixel for a side of `pixels` pixels, with no point beyond the last cell.
+    static inline float per_side(float pixels) { return (SIDE - 0.01f) / fmaxf(pixels, 0.01f); }
+};
+
+// A range of cells, possibly empty.
+struct Cells {
+    int x0, y0, x1, y1;
+
+    inline bool any() const { return POINTS && x0 <= x1 && y0 <= y1; }
+    inline int count() const { return POINTS ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0; }
+    static inline Cells all() { return Cells{0, 0, CellGrid::SIDE - 1, CellGrid::SIDE - 1}; }
+    // The cells between two positions, given as distances from the first points.
+    static inline Cells between(const CellGrid& grid, float left, float top, float right, float bottom) {
+        if (!POINTS) return all();
+        const int last = CellGrid::SIDE - 1;
+        return Cells{max(__float2int_rd(left * grid.per_u), 0), max(__float2int_rd(top * grid.per_v), 0),
+                     min(__float2int_rd(right * grid.per_u), last), min(__float2int_rd(bottom * grid.per_v), last)};
+    }
+};
 
 // The camera in the world or in the frame of a movable object, and the rotation from that frame into camera space. It
 // is stored in shared memory because all lanes read the same values.

@@ -73,8 +73,24 @@ struct Packet {
                 *at(index(block, lane)) = DepthKey::of(seen ? 0.0f : NOWHERE, NO_TRIANGLE);
             }
         }
-        const bool seen = lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows;
-        block_min_inv_z = __float_as_uint(seen ? 0.0f : NOWHERE);
+        begin_blocks(lane < BLOCKS && block_x(lane) < columns && block_y(lane) < rows);
+    }
+    // Clear the z-buffer of a packet whose slots have rays of a table, or points. Slots without one count as very near.
+    template <class Rays>
+    inline void begin_slots(const Camera& camera, const Rays& rays) {
+        unsigned filled = 0;
+        memory->clear();
+        for (int block = 0; block < SLOT_BLOCKS; ++block) {
+            const int slot = index(block, Warp::lane());
+            const bool has_ray = rays.has_ray(slot);
+            *at(slot) = DepthKey::of(has_ray ? 0.0f : NOWHERE, NO_TRIANGLE);
+            if (has_ray) memory->add(camera, memory->point(camera, 0, 0, slot), slot);
+            if (Warp::any(has_ray)) filled |= 1u << block;
+        }
+        begin_blocks(filled >> Warp::lane() & 1);
+    }
+    inline void begin_blocks(bool is_seen) {
+        block_min_inv_z = __float_as_uint(is_seen ? 0.0f : NOWHERE);
         stale_blocks = 0;
         Warp::sync();
     }

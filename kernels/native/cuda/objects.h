@@ -94,7 +94,7 @@ struct ObjectPass {
 
     // Whether the near plane may cut an object open: then its triangles are drawn, even if it is a solid.
     static inline bool is_cut(const Camera& world, const Movables& movables, int m) {
-        if (!NearPlane::clips()) return false;
+        if (!CLIPS) return false;
         Vec3 axis[3];
         const Vec3 origin = camera_in_frame(world, movables.pose(m), axis);
         return Box::holds(movables.box(m), movables.factors(m), origin, world.near);

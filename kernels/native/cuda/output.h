@@ -32,10 +32,6 @@ struct Column {
 struct Write {
     enum { INFINITY_BITS = 0x7f800000, NAN_BITS = 0x7fc00000 };
 
-    // `z` is valid only where a surface was hit, that is, where `inv_z` is greater than 0.
-    static inline bool seen(const View& view, float inv_z, float z) {
-        return inv_z > 0.0f && z >= view.near && z <= view.far;
-    }
     static inline float inv_z_of(Key key) { return __uint_as_float(DepthKey::inv_z_bits(key)); }
 
     static inline void vector(float* image, long long offset, Vec3 value) {
@@ -87,7 +83,7 @@ struct Write {
     }
 
     static inline bool more_than_depth(const Images& out) {
-        return out.points || (DepthKey::HAS_ID && (out.of_triangles() || out.segmentation || out.labels));
+        return out.points || (WITH_ID && (out.of_triangles() || out.segmentation || out.labels));
     }
     static inline void images(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                               const Images& out) {
@@ -103,9 +99,34 @@ struct Write {
         for (Column column = Column::of(view, packet); column.any(); column.next()) {
             const Key key = column.key(packet);
             const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
-            const bool shown = seen(view, inv_z, z);
-            const Found found = {key, z, shown ? z : nothing(view, inv_z, z), shown};
-            pixel(scene, frame, camera, packet, out, Spot{column.offset, column.column, column.row, 0}, found);
+            const Spot spot = {column.offset, column.column, column.row, 0};
+            pixel(scene, frame, camera, packet, out, spot, Found::of(view, key, inv_z, z, z));
+        }
+    }
+    static inline void depths(const View& view, const Packet& packet, float* depth) {
+        for (Column column = Column::of(view, packet); column.any(); column.next()) {
+            const Key key = column.key(packet);
+            const float inv_z = inv_z_of(key), z = Reciprocal::of(inv_z);
+            depth[column.offset] = Found::of(view, key, inv_z, z, z).depth;
+        }
+    }
+    // Write the pixels of slots with rays of a table or points, of which a view has `count`.
+    template <class Rays>
+    static inline void slots(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
+                             const Rays& rays, int count, const Images& out) {
+        const long long first = (long long)view.index * count;
+        const bool more = more_than_depth(out);
+        const Frame frame = Frame::of(camera);
+        for (int slot = Warp::lane(); slot < (int)SLOTS; slot += LANES) {
+            const int at = rays.pixel_of(slot);
+            if (at < 0) continue;
+            const Key key = *packet.at(slot);
+            const float inv_z = rays.has_ray(slot) ? inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
+            const Found found = Found::of(view, key, inv_z, z, rays.depth_at(z, slot));
+            if (more)
+                pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
+            else if (out.depth)
+                out.depth[first + at] = found.depth;
         }
     }
 
@@ -131,13 +152,20 @@ struct Write {
     // Result at a pixel.
     struct Found {
         Key key;
-        float z, depth;
+        float z, depth;  // depth is infinite if nothing in range is shown
         bool shown;
+
+        // `z` and `depth` are valid only where a surface was hit, that is, where `inv_z` is greater than 0.
+        static inline Found of(const View& view, Key key, float inv_z, float z, float depth) {
+            const bool shown = inv_z > 0.0f && depth >= view.near && depth <= view.far;
+            const float infinity = __int_as_float(INFINITY_BITS);
+            return Found{key, z, shown ? depth : inv_z > 0.0f && depth < view.near ? -infinity : infinity, shown};
+        }
     };
 
     static inline void pixel(const Scene& scene, const Frame& frame, const Camera& camera, const Packet& packet,
                              const Images& out, const Spot& spot, const Found& found) {
-        const bool objects = DepthKey::HAS_ID && (out.segmentation || out.labels), shown = found.shown;
+        const bool objects = WITH_ID && (out.segmentation || out.labels), shown = found.shown;
         const unsigned id = DepthKey::id(found.key);
         // Loaded before the rest, to hide the latency of the load.
         const int owner = !MOVABLE && objects && shown ? __ldg(scene.bvh.owners + id) : 0;
@@ -147,10 +175,10 @@ struct Write {
             const Vec3 start = Origins::start(p, camera.origin, frame.right, frame.down);
             vector(out.points, spot.offset, shown ? place(start, frame.ray(p), found.z) : none());
         }
-        if (DepthKey::HAS_ID && out.normals)
+        if (WITH_ID && out.normals)
             vector(out.normals, spot.offset,
                    shown ? normal(scene, camera, id, packet.exact_point(camera, spot.x, spot.y, spot.index)) : none());
-        if (DepthKey::HAS_ID && out.faces) out.faces[spot.offset] = shown ? face(scene, out, id) : -1;
+        if (WITH_ID && out.faces) out.faces[spot.offset] = shown ? face(scene, out, id) : -1;
         if (!objects) return;
         int object = -1;
         if (shown) object = MOVABLE ? scene.object_of(id) : Bvh::object_of(owner);
@@ -165,17 +193,5 @@ struct Write {
     }
     static inline Vec3 place(Vec3 origin, Vec3 ray, float z) {
         return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};
-    }
-
-    // Depth of a pixel that shows nothing in range.
-    static inline float nothing(const View& view, float inv_z, float depth) {
-        const float infinity = __int_as_float(INFINITY_BITS);
-        return inv_z > 0.0f && depth < view.near ? -infinity : infinity;
-    }
-    static inline void depths(const View& view, const Packet& packet, float* depth) {
-        for (Column column = Column::of(view, packet); column.any(); column.next()) {
-            const float inv_z = inv_z_of(column.key(packet)), z = Reciprocal::of(inv_z);
-            depth[column.offset] = seen(view, inv_z, z) ? z : nothing(view, inv_z, z);
-        }
     }
 };

@@ -31,7 +31,7 @@ struct Packets {
         camera.last_x = (float)(view.width - 1);
         camera.last_y = (float)(view.height - 1);
         camera.far = view.far * FARTHER;
-        camera.near = NearPlane::of(view.clip_inv_z, view.clip_reach);
+        camera.near = NearPlane{view.clip_inv_z, view.clip_reach};
         camera.extent = Three::max(0.5f * ((float)(view.focal[0] + view.focal[1]) + camera.last_x + camera.last_y),
                                    fabsf(camera.first_u), fabsf(camera.first_v));
         camera.per_extent = 1.0f / camera.extent;
@@ -64,9 +64,7 @@ struct Packets {
                             WarpMemory& memory) {
         {
             Camera camera = camera_of(view);
-            camera.skip_back_faces = outside_all(scene.closed, scene.bvh.excluded, camera);
-            // If all objects are closed, skip the lookup of owners by culling all back faces.
-            camera.cull_back_faces = view.cull_back_faces || (camera.skip_back_faces && scene.bvh.all_closed);
+            set_sides(scene, view, camera);
             if (Warp::lane() == 0) memory.cameras[WarpMemory::WORLD] = camera;
         }
         Packet packet;
@@ -77,16 +75,26 @@ struct Packets {
         render(scene, view, packet, memory);
         Write::images(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
     }
+    // The same for rays of a table or points, of which a view has `count`; the camera is in shared memory.
+    template <class Rays>
+    static inline void cast_slots(const Scene& scene, const View& view, const Rays& rays, int count, const Images& out,
+                                  WarpMemory& memory, bool has_rays = true) {
+        Camera& camera = memory.cameras[WarpMemory::WORLD];
+        set_sides(scene, view, camera);
+        Packet packet;
+        packet.memory = &memory.pixels;
+        packet.first_x = packet.first_y = 0;
+        packet.begin_slots(camera, rays);
+        if (has_rays) render(scene, view, packet, memory);
+        Write::slots(scene, view, camera, packet, rays, count, out);
+    }
 
-    // Set which sides of triangles a camera in shared memory sees.
+    // Set which sides of triangles a camera sees. All lanes write the same values, which may be in shared memory.
     static inline void set_sides(const Scene& scene, const View& view, Camera& camera) {
         const bool outside = outside_all(scene.closed, scene.bvh.excluded, camera);
-        if (Warp::lane() == 0) {
-            camera.skip_back_faces = outside;
-            // If all objects are closed, skip the lookup of owners by culling all back faces.
-            camera.cull_back_faces = view.cull_back_faces || (outside && scene.bvh.all_closed);
-        }
-        Warp::sync();
+        camera.skip_back_faces = outside;
+        // If all objects are closed, skip the lookup of owners by culling all back faces.
+        camera.cull_back_faces = view.cull_back_faces || (outside && scene.bvh.all_closed);
     }
     static inline void render(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
         const bool exists = !MOVABLE || scene.movables.poses;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "cuda/setup.h"
+#include "cuda/visits.h"
 
 // Point lookups that packets of pixels do not use.
 struct NoPoints {
@@ -15,6 +16,9 @@ struct NoPoints {
     static inline int first_in(int, int) { return -1; }
     static inline int after(int) { return -1; }
     static inline bool is_behind(float, int) { return false; }
+    static inline void set_block(const Camera&, int, const ImageBox&, bool) {}
+    static inline void clear() {}
+    static inline void add(const Camera&, ImagePoint, int) {}
 };
 
 // Search for the points of a packet that a surface may cover: by the cells of a grid, and by blocks.
@@ -31,6 +35,21 @@ struct PointIndex {
     inline int first_in(int x, int y) const { return first[y * CellGrid::SIDE + x]; }
     inline int after(int slot) const { return next[slot]; }
     static inline bool is_behind(float, int) { return false; }
+
+    // Each lane sets the bounds of one block, or marks it as empty.
+    inline void set_block(const Camera& camera, int block, const ImageBox& box, bool has_points) {
+        bounds[block] = has_points ? box : ImageBox{NOWHERE, -NOWHERE, NOWHERE, -NOWHERE};
+        cells[block] = has_points ? box.cells(camera, 0.0f) : Cells{1, 1, 0, 0};
+        // An empty range of pixels ends before it begins.
+        pixels[block] = has_points ? visit(camera, box) : Visit::of(0.0f, PACKET_WIDTH - 1, PACKET_HEIGHT - 1, 0, 0);
+    }
+    static inline unsigned visit(const Camera& camera, const ImageBox& box) {
+        return Visit::of(0.0f, pixel(box.left - camera.first_u), pixel(box.top - camera.first_v),
+                         pixel(box.right - camera.first_u), pixel(box.bottom - camera.first_v));
+    }
+    static inline int pixel(float from_first) {
+        return max(min(__float2int_rd(from_first + 0.5f), PACKET_WIDTH - 1), 0);
+    }
 
     // Call before any point is added.
     inline void clear() {
@@ -70,6 +89,14 @@ struct PointPlaces : PointIndex {
     inline ExactImagePoint exact(ImagePoint pixel) const {
         return ExactImagePoint{((double)pixel.u - center[0]) * scale, ((double)pixel.v - center[1]) * scale};
     }
+
+    // Whether a slot has a ray, its index in the list or -1, and the depth of its ray at z.
+    inline bool has_ray(int slot) const { return place[slot] >= 0; }
+    inline int pixel_of(int slot) const {
+        const int i = place[slot];
+        return i >= 0 ? i : i == NO_POINT ? -1 : ~i;
+    }
+    static inline float depth_at(float z, int) { return z; }
 };
 
 // Rays of a ray table, near the centers of the pixels of their packet (warpvis/rendering/casters/sorted_rays_cuda.py),

@@ -15,7 +15,6 @@
 #pragma once
 
 #include "cuda/packets.h"
-#include "cuda/point_blocks.h"
 
 // The points of a view, in the order in which packets take them.
 struct PointList {
@@ -156,55 +155,27 @@ struct PointPacket {
         Warp::sync();
         scaled.first_u = u_of(places, all.u0(), 0);
         scaled.first_v = u_of(places, all.v0(), 1);
-        scaled.cells.per_u = PointBlocks::per_side(u_of(places, all.u1(), 0) - scaled.first_u);
-        scaled.cells.per_v = PointBlocks::per_side(u_of(places, all.v1(), 1) - scaled.first_v);
+        scaled.cells.per_u = CellGrid::per_side(u_of(places, all.u1(), 0) - scaled.first_u);
+        scaled.cells.per_v = CellGrid::per_side(u_of(places, all.v1(), 1) - scaled.first_v);
         if (MOVABLE) set_rows(view, scale, scaled);
         if (lane == 0) camera = scaled;
         if (lane >= SLOT_BLOCKS) return;
         const ImageBox box = {u_of(places, of_block.u0(), 0), u_of(places, of_block.u1(), 0),
                               u_of(places, of_block.v0(), 1), u_of(places, of_block.v1(), 1)};
-        PointBlocks::set(scaled, places, lane, box, of_block.any());
+        places.set_block(scaled, lane, box, of_block.any());
     }
     static inline float u_of(const Places& places, float pixel, int axis) {
         return (float)(((double)pixel - places.center[axis]) * places.scale);
     }
-    // Clear the z-buffer. A slot without a point counts as very near, so that it hides everything and is never shown.
-    static inline void begin(const Camera& camera, Packet& packet) {
-        Places& places = *packet.memory;
-        const ImagePoint nowhere = {camera.first_u, camera.first_v};
-        unsigned filled = 0;
-        places.clear();
-        for (int block = 0; block < SLOT_BLOCKS; ++block) {
-            const int index = Packet::index(block, Warp::lane()), i = places.place[index];
+    // Write the points to shared memory; the packet's corner for slots without a point.
+    static inline void set_points(const Camera& camera, Places& places) {
+        for (int slot = Warp::lane(); slot < (int)SLOTS; slot += LANES) {
+            const int i = places.place[slot];
             const ExactImagePoint p = places.exact(places.list[max(i, 0)]);
-            places.points[index] = i >= 0 ? ImagePoint{(float)p.u, (float)p.v} : nowhere;
-            *packet.at(index) = DepthKey::of(i >= 0 ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
-            if (i >= 0) places.add(camera, places.points[index], index);
-            if (Warp::any(i >= 0)) filled |= 1u << block;
+            places.points[slot] =
+                i >= 0 ? ImagePoint{(float)p.u, (float)p.v} : ImagePoint{camera.first_u, camera.first_v};
         }
-        packet.block_min_inv_z = __float_as_uint(filled >> Warp::lane() & 1 ? 0.0f : NOWHERE);
-        packet.stale_blocks = 0;
         Warp::sync();
-    }
-
-    static inline void write(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
-                             int count, const Images& out) {
-        const long long first = (long long)view.index * count;
-        const bool more = Write::more_than_depth(out);
-        const Write::Frame frame = Write::Frame::of(camera);
-        for (int index = Warp::lane(); index < (int)SLOTS; index += LANES) {
-            const int i = packet.memory->place[index];
-            if (i == Places::NO_POINT) continue;
-            const Key key = *packet.at(index);
-            const float inv_z = i >= 0 ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
-            const bool shown = Write::seen(view, inv_z, z);
-            const Write::Found found = {key, z, shown ? z : Write::nothing(view, inv_z, z), shown};
-            const long long offset = first + (i >= 0 ? i : ~i);
-            if (more)
-                Write::pixel(scene, frame, camera, packet, out, Write::Spot{offset, 0, 0, index}, found);
-            else if (out.depth)
-                out.depth[offset] = found.depth;
-        }
     }
 
     // Draw and write a packet of a view. If the view's world does not exist, nothing is visible.
@@ -217,13 +188,8 @@ struct PointPacket {
         // If no point is inside the image, use the image's corner.
         set(view, all.any() ? all : PointBounds{0, 0, 0, 0}, of_block, camera, memory.pixels);
         Warp::sync();
-        Packets::set_sides(scene, view, camera);
-        Packet packet;
-        packet.memory = &memory.pixels;
-        packet.first_x = packet.first_y = 0;
-        begin(camera, packet);
-        if (all.any()) Packets::render(scene, view, packet, memory);
-        write(scene, view, camera, packet, list.count, out);
+        set_points(camera, memory.pixels);
+        Packets::cast_slots(scene, view, memory.pixels, list.count, out, memory, all.any());
     }
 };
 static_assert(!POINTS || (BLOCK_PIXELS == (int)LANES && PACKET_WIDTH == PACKET_HEIGHT),

@@ -6,8 +6,21 @@
 #pragma once
 
 #include "cuda/camera.h"
-#include "cuda/depth.h"
 #include "shared/edges.h"
+
+// Keys of a z-buffer, of which the greatest is the nearest: 1 / z of the nearest surface and, if objects or normals may
+// be requested, the id of its triangle; at equal depth the lesser id wins, independent of the order of drawing.
+typedef Select<WITH_ID>::Type<unsigned long long, unsigned> Key;
+
+struct DepthKey {
+    enum { ID_BITS = WITH_ID ? 32 : 0 };
+
+    static inline Key of(float inv_z, unsigned id) {
+        return (Key)__float_as_uint(inv_z) << ID_BITS | (WITH_ID ? ~id : 0);
+    }
+    static inline unsigned inv_z_bits(Key key) { return (unsigned)(key >> ID_BITS); }
+    static inline unsigned id(Key key) { return WITH_ID ? ~(unsigned)key : 0; }
+};
 
 // The plane of a triangle in double precision: 1 / z is linear in u and v.
 struct ExactPlane {

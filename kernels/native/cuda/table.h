@@ -10,7 +10,6 @@
 #pragma once
 
 #include "cuda/packets.h"
-#include "cuda/table_slots.h"
 
 // Transformation from the camera space of the table into that of a packet.
 struct TableFrame {
@@ -24,6 +23,7 @@ struct TableFrame {
 static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double) &&
                   (int)OriginRays::TableEye::WORDS == TABLE_EYE_WORDS,
               "Python stores rows of numbers");
+static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python stores rows of left, right, top and bottom");
 
 // A packet's rays, in the order of the z-buffer.
 struct TablePacket {
@@ -68,7 +68,7 @@ struct TablePacket {
     }
 
     // Set the camera in shared memory. Each lane computes one coordinate of a ray or of a row.
-    inline void set_camera(const Scene& scene, const View& view, Camera& camera) const {
+    inline void set_camera(const View& view, Camera& camera) const {
         const int lane = Warp::lane(), row = lane / 3, k = lane % 3;
         Vec3d axis[3];  // right, down and forward in the world
         PoseRow::axes(view.pose, axis);
@@ -85,7 +85,6 @@ struct TablePacket {
         }
         if (lane == 0) set_numbers(view, axis, camera);
         Warp::sync();
-        Packets::set_sides(scene, view, camera);
     }
     inline void set_numbers(const View& view, const Vec3d* axis, Camera& camera) const {
         camera.exact_origin = eye.place(PoseRow::position(view.pose), axis);
@@ -95,12 +94,17 @@ struct TablePacket {
         camera.origins = eye.origins();
         camera.first_u = (float)frame->first_u;
         camera.first_v = (float)frame->first_v;
-        TableSlots::set_sides(camera);
+        const float across = PACKET_WIDTH - 1.0f, along = PACKET_HEIGHT - 1.0f;
+        camera.last_x = POINTS ? fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + across)) + 1.0f : across;
+        camera.last_y = POINTS ? fmaxf(fabsf(camera.first_v), fabsf(camera.first_v + along)) + 1.0f : along;
+        if (POINTS) camera.cells = CellGrid{CellGrid::per_side(across), CellGrid::per_side(along)};
         camera.spread = (float)frame->spread;
         camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
-        camera.near = NearPlane::of(view.clip_inv_z, eye.reach(view.clip_reach));
+        camera.near = NearPlane{view.clip_inv_z, eye.reach(view.clip_reach)};
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
-        const float first = TableSlots::farthest(camera);
+        // Distance of the first pixel from the principal point; that of the last one is at most the image size more.
+        const float first =
+            POINTS ? fmaxf(camera.last_x, camera.last_y) : fmaxf(fabsf(camera.first_u), fabsf(camera.first_v));
         camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;
         camera.per_extent = 1.0f / camera.extent;
         camera.set_errors(width, height);
@@ -108,55 +112,27 @@ struct TablePacket {
         camera.blur = ROUNDING * (width + height + 2.0f * first + camera.last_x + camera.last_y);
     }
 
-    // Clear the z-buffer. A pixel without a ray counts as very near, so that it hides everything and is never shown.
-    inline void begin(const Camera& camera, Packet& packet) const {
-        const int lane = Warp::lane();
-        if (lane == 0) packet.memory->points = points, packet.memory->rests = rests, packet.memory->starts = starts;
-        Warp::sync();
-        TableSlots::index(camera, *packet.memory, bounds);
-        unsigned filled = 0;
-        for (int block = 0; block < SLOT_BLOCKS; ++block) {
-            const int index = block * LANES + lane;
-            const bool has_ray = __ldg(scale + index) > 0.0f;
-            *packet.at(index) = DepthKey::of(has_ray ? 0.0f : NOWHERE, Packet::NO_TRIANGLE);
-            if (has_ray) TableSlots::add(camera, *packet.memory, index);
-            if (Warp::any(has_ray)) filled |= 1u << block;
-        }
-        packet.block_min_inv_z = __float_as_uint(filled >> lane & 1 ? 0.0f : NOWHERE);
-        packet.stale_blocks = 0;
-        Warp::sync();
+    // Whether a slot has a ray, its pixel or -1, and the depth of its ray at z.
+    inline bool has_ray(int slot) const { return __ldg(scale + slot) > 0.0f; }
+    inline int pixel_of(int slot) const { return __ldg(place + slot); }
+    inline float depth_at(float z, int slot) const {
+        return __fmul_rn(starts.from_start(z, slot), __ldg(scale + slot));
     }
 
-    inline void write(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
-                      const Images& out) const {
-        const long long first = (long long)view.index * pixels;
-        const bool more = Write::more_than_depth(out);
-        const Write::Frame frame = Write::Frame::of(camera);
-        for (int index = Warp::lane(); index < (int)SLOTS; index += LANES) {
-            const int pixel = __ldg(place + index);
-            const float to_depth = __ldg(scale + index);
-            if (pixel < 0) continue;
-            const Key key = *packet.at(index);
-            const float inv_z = to_depth > 0.0f ? Write::inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
-            const float depth = __fmul_rn(starts.from_start(z, index), to_depth);
-            const bool shown = Write::seen(view, inv_z, depth);
-            const Write::Found found = {key, z, shown ? depth : Write::nothing(view, inv_z, depth), shown};
-            if (more)
-                Write::pixel(scene, frame, camera, packet, out, Write::Spot{first + pixel, 0, 0, index}, found);
-            else if (out.depth)
-                out.depth[first + pixel] = found.depth;
-        }
+    // Write the rays to shared memory. A block without rays has a greater left than right.
+    inline void set_rays(const Camera& camera, PixelMemory& memory) const {
+        const int block = Warp::lane();
+        if (block == 0) memory.points = points, memory.rests = rests, memory.starts = starts;
+        if (POINTS && block < SLOT_BLOCKS)
+            memory.set_block(camera, block, bounds[block], bounds[block].left <= bounds[block].right);
+        Warp::sync();
     }
 
     // Render and write a packet of a view. If the view's world does not exist, nothing is visible.
     inline void cast(const Scene& scene, const View& view, const Images& out, WarpMemory& memory) const {
-        set_camera(scene, view, memory.cameras[WarpMemory::WORLD]);
-        Packet packet;
-        packet.memory = &memory.pixels;
-        packet.first_x = packet.first_y = 0;
-        begin(memory.cameras[WarpMemory::WORLD], packet);
-        Packets::render(scene, view, packet, memory);
-        write(scene, view, memory.cameras[WarpMemory::WORLD], packet, out);
+        set_camera(view, memory.cameras[WarpMemory::WORLD]);
+        set_rays(memory.cameras[WarpMemory::WORLD], memory.pixels);
+        Packets::cast_slots(scene, view, *this, pixels, out, memory);
     }
 };
 static_assert((int)BLOCK_PIXELS == (int)LANES, "a block has a pixel for each lane");
