@@ -10,6 +10,9 @@ import warp as wp
 _FOLDER = Path(__file__).parent / "native"
 _INCLUDE = re.compile(r'#include "(.+)"')
 
+CPU_NUMBERS = "PixelLanes"
+"""Numbers of formulas that `include_for_pixels` compiles for the CPU."""
+
 
 def include_native(*names: str, cuda: bool = False, constants: str = "") -> wp.ModuleBuildOptions:
     """Return build options of a module (experimental in Warp 1.17) whose native functions call C++ of headers.
@@ -45,7 +48,14 @@ def _expand(names: tuple[str, ...], seen: set[str]) -> str:
     return text
 
 
-def read_native(*names: str) -> str:
-    """Return the concatenated text of headers, without preprocessor lines of the others, for a function's body."""
-    text = "\n".join((_FOLDER / name).read_text(encoding="utf-8") for name in names) + "\n"
-    return re.sub(r'^#(pragma once|include ".+")$', "", text, flags=re.MULTILINE)
+def include_for_pixels(*names: str) -> wp.ModuleBuildOptions:
+    """Return build options of a module whose formulas compute 16 pixels of a row at a time on the CPU, and one on CUDA.
+
+    They are templates of the type of numbers, `PixelLanes` or `OnePixel`; for each device, ``PixelNumbers`` is one.
+    """
+    cpu = include_native("cpu/random_lanes.h", *names, constants=_pixel_numbers(CPU_NUMBERS))
+    return cpu.merged(include_native("shared/random.h", *names, cuda=True, constants=_pixel_numbers("OnePixel")))
+
+
+def _pixel_numbers(name: str) -> str:
+    return f"struct {name};\ntypedef {name} PixelNumbers;\n"

@@ -14,7 +14,7 @@ from gpu_code import gpu_code
 from scipy import stats
 
 from warpvis.core.threads import WHOLE_ROW, launch_images
-from warpvis.kernels import native_source
+from warpvis.kernels.native_source import include_for_pixels
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.sensors import random_numbers
 
@@ -22,13 +22,19 @@ ROOT = Path(__file__).parent.parent
 SHAPE = (3, 37, 54)
 SEED, STREAM = 0xDEADBEEF, 7
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/random.h"),
+    }
+)
 
 
 @wp.func_native(
-    native_source.read_native(*random_numbers.RANDOM_HEADERS)
-    + """
-Philox numbers = {{counter.data[0], counter.data[1], counter.data[2], counter.data[3]}};
+    """
+warpvis::Philox<warpvis::OnePixel> numbers = {{counter.data[0], counter.data[1], counter.data[2], counter.data[3]}};
 numbers.mix(key.data[0], key.data[1]);
 for (int k = 0; k < 4; ++k) words.data[k] = numbers.word[k];
 """
@@ -233,7 +239,7 @@ def test_random_number_modules_disable_fp_fusion():
     users = []
     for path in (ROOT / "kernels").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        if "random_numbers" not in text and "shared/random.h" not in text:
+        if "random_numbers" not in text and "import include_for_pixels" not in text:
             continue
         calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
         options = [ast.unparse(call) for call in calls if "set_module_options" in ast.unparse(call.func)]

@@ -5,17 +5,24 @@
 import warp as wp
 
 from warpvis.kernels.constants import STREAM_RECTANGLES
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate
-from warpvis.kernels.sensors.noise import NOISE, noise_row
-from warpvis.kernels.sensors.random_numbers import for_pixels, random_word, to_uniform
+from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
+from warpvis.kernels.sensors.random_numbers import random_word, to_uniform
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/corruptions.h"),
+    }
+)
 
 
 @wp.struct
 class CorruptionModel:
-    """The parameters of `warpvis.sensors.Corruptions`."""
+    """The parameters of `warpvis.sensors.Corruptions`, and the lost rectangles."""
 
     added: float
     multiplied: float
@@ -24,7 +31,7 @@ class CorruptionModel:
     max_count: int
     min_side: int  # of a rectangle [px]
     max_side: int
-    seed: wp.uint32
+    rectangles: wp.array2d[wp.vec4i]  # left, top, right and bottom (exclusive) of each view's rectangles; 0 if unused
 
 
 @wp.func
@@ -41,74 +48,54 @@ def draw_whole(low: int, high: int, uniform: float) -> int:
 
 @wp.kernel
 def place_rectangles(
-    # Cameras:
-    camera: PinholeCamera,
     # In:
     model: CorruptionModel,
-    draws: wp.array[wp.vec2ui],
+    inputs: SensorInputs,
     # Out:
     rectangles_out: wp.array2d[wp.vec4i],
 ):
-    """Write left, top, right and bottom of every view's rectangles; right and bottom are exclusive; 0 if unused."""
+    """Write the rectangles of every view."""
     view, number = wp.tid()
-    draw = draws[view]
-    count = draw_whole(model.min_count, model.max_count, draw_uniform(model.seed, draw, 0, 0))
+    draw = inputs.draws[view]
+    count = draw_whole(model.min_count, model.max_count, draw_uniform(inputs.seed, draw, 0, 0))
     rectangle = wp.vec4i()
     if number < count:
         # Row 0 of the random numbers is for the count; each rectangle has one of the following rows.
         row = number + 1
-        width = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, draw, row, 0))
-        height = draw_whole(model.min_side, model.max_side, draw_uniform(model.seed, draw, row, 1))
-        across = draw_uniform(model.seed, draw, row, 2)
-        down = draw_uniform(model.seed, draw, row, 3)
-        left = draw_whole(0, int(camera.width) - 1, across) - width // 2
-        top = draw_whole(0, int(camera.height) - 1, down) - height // 2
+        width = draw_whole(model.min_side, model.max_side, draw_uniform(inputs.seed, draw, row, 0))
+        height = draw_whole(model.min_side, model.max_side, draw_uniform(inputs.seed, draw, row, 1))
+        across = draw_uniform(inputs.seed, draw, row, 2)
+        down = draw_uniform(inputs.seed, draw, row, 3)
+        left = draw_whole(0, int(inputs.camera.width) - 1, across) - width // 2
+        top = draw_whole(0, int(inputs.camera.height) - 1, down) - height // 2
         rectangle = wp.vec4i(left, top, left + width, top + height)
     rectangles_out[view, number] = rectangle
 
 
-@wp.func_native(
-    NOISE
-    + read_native("shared/corruptions.h")
-    + noise_row()
-    + """
-const int* boxes = (const int*)rectangles.data + 4LL * view * rectangles.shape[1];
-const Corruption corruption = {model.added, model.multiplied, model.dropout, range, boxes, model.max_count};
-"""
-    + for_pixels("corruption.corrupt(row, x);")
-)
+@wp.func_native("warpvis::measure<warpvis::Corruption>(warpvis::sensor_row(inputs, images_out, view, y), x, model);")
 def corrupt_pixels(
-    camera: PinholeCamera,
     model: CorruptionModel,
-    true_depth: wp.array3d[float],
-    rectangles: wp.array2d[wp.vec4i],
-    draw: wp.vec2ui,
+    inputs: SensorInputs,
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ): ...
 
 
 @wp.kernel
 def corrupt_depth(
-    # Cameras:
-    camera: PinholeCamera,
     window: Window,
     # In:
     model: CorruptionModel,
-    true_depth: wp.array3d[float],
-    rectangles: wp.array2d[wp.vec4i],
-    draws: wp.array[wp.vec2ui],
+    inputs: SensorInputs,
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write corrupted depth of `true_depth`, or of `depth_out` if `true_depth` is None; reasons may be None.
+    """Write corrupted depth of the exact depth, or of `images_out` if `inputs.true_depth` is None.
 
     Pixels without depth do not change.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    corrupt_pixels(camera, model, true_depth, rectangles, draws[view], view, y, x, depth_out, reasons_out)
+    corrupt_pixels(model, inputs, view, y, x, images_out)

@@ -4,14 +4,18 @@
 
 import warp as wp
 
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, locate, pose_rotation
-from warpvis.kernels.sensors.noise import NOISE, noise_row
-from warpvis.kernels.sensors.random_numbers import for_pixels
+from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.pinhole import Window, forward_axis, locate, pose_rotation
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
-
-_NATIVE = NOISE + read_native("shared/kinect.h") + noise_row()
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/kinect.h"),
+    }
+)
 
 
 @wp.struct
@@ -26,59 +30,42 @@ class NguyenModel:
     lateral: float
     lateral_growth: float
     max_angle: float
-    seed: wp.uint32
 
 
 @wp.func_native(
-    _NATIVE
-    + """
-const NguyenView seen = {{camera.fx, camera.fy}, {camera.cx, camera.cy},
-                         {rotation.x, rotation.y, rotation.z, rotation.w}, {forward[0], forward[1], forward[2]},
-                         height, width, true_depth.data + view_place, (const float*)normals.data + 3 * view_place};
-const Nguyen nguyen = {model.min_axial, model.axial_growth, model.best_depth, model.grazing_axial,
-                       model.grazing_angle, model.lateral, model.lateral_growth, model.max_angle, range};
+    """
+const auto row = warpvis::sensor_row(inputs, images_out, view, y);
+warpvis::measure<warpvis::Nguyen>(row, x, model, rotation, forward);
 """
-    + for_pixels("nguyen.measure(row, seen, x);")
 )
 def measure_nguyen_pixels(
-    camera: PinholeCamera,
+    model: NguyenModel,
+    inputs: SensorInputs,
     rotation: wp.quatd,
     forward: wp.vec3d,
-    model: NguyenModel,
-    true_depth: wp.array3d[float],
-    normals: wp.array3d[wp.vec3],
-    draw: wp.vec2ui,
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ): ...
 
 
 @wp.kernel
 def measure_nguyen(
     # Cameras:
-    camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
     window: Window,
     # In:
     model: NguyenModel,
-    true_depth: wp.array3d[float],
-    normals: wp.array3d[wp.vec3],
-    draws: wp.array[wp.vec2ui],
+    inputs: SensorInputs,
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write depth with lateral noise, and with axial noise by depth and angle; reasons may be None."""
+    """Write depth with lateral noise, and with axial noise by depth and angle."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
     rotation = pose_rotation(camera_to_world[view])
-    forward = forward_axis(rotation)
-    measure_nguyen_pixels(
-        camera, rotation, forward, model, true_depth, normals, draws[view], view, y, x, depth_out, reasons_out
-    )
+    measure_nguyen_pixels(model, inputs, rotation, forward_axis(rotation), view, y, x, images_out)
 
 
 @wp.struct
@@ -88,41 +75,29 @@ class KhoshelhamModel:
     step: float
     sigma: float
     rounds: int
-    seed: wp.uint32
 
 
-@wp.func_native(
-    _NATIVE
-    + "const Khoshelham khoshelham = {model.step, model.sigma, model.rounds != 0, range};"
-    + for_pixels("khoshelham.measure(row, x);")
-)
+@wp.func_native("warpvis::measure<warpvis::Khoshelham>(warpvis::sensor_row(inputs, images_out, view, y), x, model);")
 def measure_khoshelham_pixels(
-    camera: PinholeCamera,
     model: KhoshelhamModel,
-    true_depth: wp.array3d[float],
-    draw: wp.vec2ui,
+    inputs: SensorInputs,
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ): ...
 
 
 @wp.kernel
 def measure_khoshelham(
-    # Cameras:
-    camera: PinholeCamera,
     window: Window,
     # In:
     model: KhoshelhamModel,
-    true_depth: wp.array3d[float],
-    draws: wp.array[wp.vec2ui],
+    inputs: SensorInputs,
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write depth with noise of disparity, which is optionally rounded to whole steps; reasons may be None."""
+    """Write depth with noise of disparity, which is optionally rounded to whole steps."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    measure_khoshelham_pixels(camera, model, true_depth, draws[view], view, y, x, depth_out, reasons_out)
+    measure_khoshelham_pixels(model, inputs, view, y, x, images_out)

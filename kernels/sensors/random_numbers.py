@@ -5,62 +5,38 @@
 Philox4x32-10 computes four words from the counter (x // 4, y, view, frame), which four adjacent pixels share; its key
 is (seed, stream). Each purpose has a separate stream, so that no two uses of a pixel have the same numbers. Modules
 with kernels that use these functions must be compiled with ``"fuse_fp": False``, so that CPU and CUDA compute the same
-bits.
+bits, and with ``"extra_build_options": include_for_pixels("shared/random.h")`` of ``kernels/native_source.py``.
 """
 
 import warp as wp
 
-from warpvis.kernels.native_source import read_native
+from warpvis.kernels.native_source import include_for_pixels
 from warpvis.kernels.pinhole import Window, locate
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
-
-RANDOM_HEADERS = ("shared/scalar.h", "shared/random.h")
-
-_NATIVE = read_native(*RANDOM_HEADERS)
-
-PIXEL_NUMBERS = "\n".join(
-    [
-        read_native("shared/constants.h"),
-        "#if defined(__CUDA_ARCH__)",
-        read_native(*RANDOM_HEADERS, "shared/random_pixel.h"),
-        "#else",
-        read_native("cpu/lanes.h", "cpu/number_lanes.h", "shared/random.h", "cpu/random_lanes.h"),
-        "#endif\n",
-    ]
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/random.h"),
+    }
 )
-"""C++ number types of formulas that are written once: they hold one pixel on CUDA, and 16 pixels of a row on a CPU."""
-
-
-def for_pixels(statement: str) -> str:
-    """Return C++ that runs a statement for the pixels of a thread: for pixel ``x`` on CUDA, for a row on a CPU.
-
-    The statement processes the ``PixelWords::PIXELS`` pixels from ``x`` on.
-    """
-    return f"""
-#if !defined(__CUDA_ARCH__)
-for (x = 0; x < width; x += PixelWords::PIXELS)
-#endif
-    {statement}
-"""
 
 
 @wp.func_native(
-    _NATIVE
-    + """
-Philox numbers = {{(unsigned)x >> 2, (unsigned)y, view, frame}};
-numbers.mix(seed, stream);
-return numbers.word[x & 3];
+    """
+typedef warpvis::PixelWords<warpvis::OnePixel> Words;
+return Words::draw(warpvis::RandomKey{seed, view, frame}, stream, y, x).block[0];
 """
 )
 def random_word(seed: wp.uint32, stream: wp.uint32, view: wp.uint32, frame: wp.uint32, y: int, x: int) -> wp.uint32: ...
 
 
-@wp.func_native(_NATIVE + "return Random::uniform(word);")
+@wp.func_native("return warpvis::Random<warpvis::OnePixel>::uniform(word);")
 def to_uniform(word: wp.uint32) -> float: ...
 
 
-@wp.func_native(_NATIVE + "return Random::normal(word);")
+@wp.func_native("return warpvis::Random<warpvis::OnePixel>::normal(word);")
 def to_normal(word: wp.uint32) -> float: ...
 
 
@@ -82,16 +58,10 @@ def draw_uniforms(
 
 
 @wp.func_native(
-    PIXEL_NUMBERS
-    + """
-const int width = normals_out.shape[2];
-float* row = normals_out.data + ((long long)view * normals_out.shape[1] + y) * width;
+    """
+const warpvis::RandomKey key = {seed, draw[0], draw[1]};
+warpvis::draw_normals<warpvis::PixelNumbers>(key, stream, normals_out, view, y, x);
 """
-    + for_pixels("""{
-    const PixelWords words = PixelWords::draw(RandomKey{seed, draw[0], draw[1]}, stream, y, x);
-    for (int k = 0, place = x; k < PixelWords::WORDS && place < width; ++k, place += Numbers::PIXELS)
-        Numbers::store(row + place, Random::normal(words.block[k]), width - place);
-}""")
 )
 def draw_pixels(
     draw: wp.vec2ui,

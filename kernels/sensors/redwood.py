@@ -5,10 +5,18 @@
 import warp as wp
 
 from warpvis.kernels.constants import REASON_DROPOUT, REASON_EMPTY, REASON_RANGE
+from warpvis.kernels.native_source import include_for_pixels
 from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 from warpvis.kernels.sensors.noise import limit_depth, range_reason
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/noise.h"),
+    }
+)
 
 FARTHEST = wp.constant(10.0)
 """Surfaces at this depth or beyond are out of range [m]."""

@@ -8,10 +8,18 @@ Disparities are integers in 1/8 px throughout, so that sums over windows are exa
 import warp as wp
 
 from warpvis.kernels.constants import REASON_EDGE, REASON_EMPTY
+from warpvis.kernels.native_source import include_for_pixels
 from warpvis.kernels.pinhole import PinholeCamera, Window, locate
 from warpvis.kernels.sensors.noise import limit_depth, range_reason
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/noise.h"),
+    }
+)
 
 LEVELS = wp.constant(8.0)
 """Disparity levels per pixel."""

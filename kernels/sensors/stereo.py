@@ -8,47 +8,44 @@ is rounded to single precision, as all poses are; the resulting offset is taken 
 
 import warp as wp
 
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pose_origin, pose_rotation
-from warpvis.kernels.sensors.random_numbers import PIXEL_NUMBERS, for_pixels
+from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.pinhole import Window, locate, pose_origin, pose_rotation
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/stereo_rows.h"),
+    }
+)
 
 
 @wp.struct
 class StereoModel:
-    """Parameters of `Stereo` of ``native/shared/stereo.h``, and of its inputs."""
+    """Parameters of `warpvis.sensors.StereoDepth` for a camera, and arrays; None if they are not used."""
 
-    disparity_scale: float
-    shift_scale: float
-    first_column: float
+    disparity_scale: float  # focal length times baseline [px m]: disparity is this divided by depth
+    shift_scale: float  # the same in pixels of the image, positive if the other eye is on the right
+    first_column: float  # of the other eye's image [px]
     last_column: float
-    near: float
-    far: float
-    max_disparity: float
-    shadow_tolerance: float
+    max_disparity: float  # [px]
+    shadow_tolerance: float  # [px]
     min_support: float
-    min_signal: float
-    signal_slope: float
-    detection_rate: float
-    sigma: float
-    locking: float
-    levels: float
-    seed: wp.uint32
+    min_signal: float  # at which pixels begin to be detected
+    signal_slope: float  # of the detection probability
+    detection_rate: float  # fraction of pixels with sufficient signal that are detected
+    sigma: float  # [px]
+    locking: float  # [px]
+    levels: float  # subpixel steps per pixel of disparity; 0 disables quantization
     spacing: int  # distance of the nodes between which noise is interpolated [px]
     window: int  # half width of a pixel's matching window [px]
     edge_step: float  # smallest difference in disparity between two surfaces [px]
-
-
-@wp.struct
-class StereoViews:
-    """Inputs of all views; None if the model does not use them."""
-
-    true_depth: wp.array3d[float]
-    other_depth: wp.array3d[float]  # None without shadows
-    normals: wp.array3d[wp.vec3]
-    segmentation: wp.array3d[wp.int32]
-    reflectivity: wp.array[float]  # of objects
+    other_width: float  # of the other eye's image, for shadows [px]
+    added_columns: float  # of that image, to the left of the first one's [px]
+    min_depth: float  # nearer points are not projected into that image [m]
+    other_depth: wp.array3d[float]  # that the other eye measures at the point of each pixel; None without shadows
     nodes: wp.array3d[float]  # None if every pixel is a node
     weights: wp.array[wp.vec2]  # of the two nodes around a pixel, by its position between them
     column_nodes: wp.array[wp.int32]  # the node to the left of each column, and the weights of both nodes
@@ -56,7 +53,6 @@ class StereoViews:
     right_weights: wp.array[float]
     column_slopes: wp.array[float]  # x of the camera-frame ray with z = 1, for each column
     row_slopes: wp.array[float]  # y of that ray, for each row
-    draws: wp.array[wp.vec2ui]
 
 
 @wp.struct
@@ -90,48 +86,15 @@ def place_other_eyes(
     eye_out[view] = eye
 
 
-_IMAGES = """
-const int width = views.true_depth.shape[2];
-const StereoImages images = {views.true_depth.shape[1], width, views.true_depth.data,
-                             views.other_depth.data, (const float*)views.normals.data, views.segmentation.data,
-                             views.reflectivity.data, views.nodes.data, views.nodes.shape[1], views.nodes.shape[2],
-                             (const float*)views.weights.data, views.column_nodes.data, views.left_weights.data,
-                             views.right_weights.data, views.column_slopes.data, views.row_slopes.data,
-                             DEPTH_OUT, REASONS_OUT};
-"""
-_PLACE = (
-    _IMAGES.replace("DEPTH_OUT", "nullptr").replace("REASONS_OUT", "nullptr")
-    + """
-const OtherImage image = {{(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]},
-                          {(float)camera.fx, (float)camera.fy}, added_columns, camera.width, camera.height,
-                          min_depth};
-"""
-)
-_MEASURE = (
-    _IMAGES.replace("DEPTH_OUT", "depth_out.data").replace("REASONS_OUT", "reasons_out.data")
-    + """
-const Stereo stereo = {model.disparity_scale, model.shift_scale, model.first_column, model.last_column, model.near,
-                       model.far, model.max_disparity, model.shadow_tolerance, model.min_support,
-                       model.min_signal, model.signal_slope, model.detection_rate, model.sigma, model.locking,
-                       model.levels, model.spacing, model.window, model.edge_step};
-StereoView seen = {view, {model.seed, draw[0], draw[1]}, {}, (float)eye.place[2]};
-for (int k = 0; k < 9; ++k) seen.axes[k] = eye.axes.data[k / 3][k % 3];
-"""
-)
-_NATIVE = PIXEL_NUMBERS + read_native("shared/stereo.h", "shared/stereo_rows.h")
-
-
-@wp.func_native(_NATIVE + _MEASURE + for_pixels("StereoRows::measure(stereo, images, seen, y, x);"))
+@wp.func_native("warpvis::measure<warpvis::Stereo>(warpvis::sensor_row(inputs, images_out, view, y), x, model, eye);")
 def measure_pixels(
     model: StereoModel,
-    views: StereoViews,
+    inputs: SensorInputs,
     eye: OtherEye,
-    draw: wp.vec2ui,
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ): ...
 
 
@@ -142,24 +105,23 @@ def measure_stereo(
     window: Window,
     # In:
     model: StereoModel,
-    views: StereoViews,
+    inputs: SensorInputs,
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
+    """Write the measured depth of every pixel, and the reason for missing depth."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    measure_pixels(model, views, eyes[view], views.draws[view], view, y, x, depth_out, reasons_out)
+    measure_pixels(model, inputs, eyes[view], view, y, x, images_out)
 
 
-@wp.func_native(_NATIVE + _PLACE + for_pixels("image.project(images, view, y, x, (float*)points_out.data);"))
+@wp.func_native(
+    "warpvis::measure<warpvis::OtherPoints>(warpvis::sensor_row(inputs, view, y), x, model, eye, points_out);"
+)
 def place_pixels(
-    camera: PinholeCamera,
-    views: StereoViews,
+    model: StereoModel,
+    inputs: SensorInputs,
     eye: OtherEye,
-    added_columns: float,
-    min_depth: float,
     view: int,
     y: int,
     x: int,
@@ -170,20 +132,18 @@ def place_pixels(
 @wp.kernel
 def place_in_other_eyes(
     # Cameras:
-    other: PinholeCamera,
     eyes: wp.array[OtherEye],
     window: Window,
     # In:
-    views: StereoViews,
-    added_columns: float,
-    min_depth: float,
+    model: StereoModel,
+    inputs: SensorInputs,
     # Out:
     points_out: wp.array3d[wp.vec2],
 ):
-    """Project every pixel's point into the other eye's image [px], which is extended by `added_columns` on the left.
+    """Project every pixel's point into the other eye's image [px], which has `model.added_columns` on the left.
 
-    The result is NaN if there is no point, if it is nearer than `min_depth`, or if it is outside that image.
+    The result is NaN if there is no point, if it is nearer than `model.min_depth`, or if it is outside that image.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    place_pixels(other, views, eyes[view], added_columns, min_depth, view, y, x, points_out)
+    place_pixels(model, inputs, eyes[view], view, y, x, points_out)

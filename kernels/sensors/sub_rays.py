@@ -5,26 +5,22 @@
 import warp as wp
 
 from warpvis.kernels.constants import BLOCK_SIDE
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pose_rotation
-from warpvis.kernels.sensors.noise import NOISE
-from warpvis.kernels.sensors.random_numbers import for_pixels
+from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.pinhole import Window, locate, pose_rotation
+from warpvis.kernels.sensors.noise import SensorInputs
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/time_of_flight.h"),
+    }
+)
 
 SIDE = wp.constant(BLOCK_SIDE)  # of the square of sub-rays of a pixel: the sub-rays of one pixel fill one packet
 SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
 TILE_PIXELS = wp.constant(16)  # per tile; tiles are placed side by side in a map of sub-rays
-
-
-def flight_row(true_depth: str, normals: str) -> str:
-    """Return C++ that defines the row ``y`` of a view as a ``FlightRow``, from the names of the images."""
-    return f"""
-FlightRow seen = {{{true_depth}.shape[1], width, y, {{camera.fx, camera.fy}}, {{camera.cx, camera.cy}}, {{}},
-                  {true_depth}.data + view_place, (const float*){normals}.data + 3 * view_place,
-                  nullptr, nullptr, nullptr, nullptr}};
-for (int k = 0; k < 9; ++k) seen.axes[k] = axes.data[k / 3][k % 3];
-"""
 
 
 @wp.kernel
@@ -40,21 +36,13 @@ def find_axes(
 
 
 @wp.func_native(
-    NOISE
-    + read_native("shared/time_of_flight.h")
-    + """
-const int width = true_depth.shape[2];
-const long long view_place = (long long)view * true_depth.shape[1] * width;
+    """
+warpvis::measure<warpvis::FlightEdges>(warpvis::sensor_row(inputs, view, y), x, axes, edge_step, edges_out);
 """
-    + flight_row("true_depth", "normals")
-    + "const FlightEdges edges = {seen, edge_step};"
-    + for_pixels("edges.find(edges_out.data + view_place, x);")
 )
 def find_pixel_edges(
-    camera: PinholeCamera,
     axes: wp.mat33,
-    true_depth: wp.array3d[float],
-    normals: wp.array3d[wp.vec3],
+    inputs: SensorInputs,
     edge_step: float,
     view: int,
     y: int,
@@ -66,12 +54,10 @@ def find_pixel_edges(
 @wp.kernel
 def find_edges(
     # Cameras:
-    camera: PinholeCamera,
     axes: wp.array[wp.mat33],
     window: Window,
     # In:
-    true_depth: wp.array3d[float],
-    normals: wp.array3d[wp.vec3],
+    inputs: SensorInputs,
     edge_step: float,
     # Out:
     edges_out: wp.array3d[wp.int32],
@@ -79,7 +65,7 @@ def find_edges(
     """Write the row-major index of each pixel that is at an edge between surfaces, and -1 for other pixels."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    find_pixel_edges(camera, axes[view], true_depth, normals, edge_step, view, y, x, edges_out)
+    find_pixel_edges(axes[view], inputs, edge_step, view, y, x, edges_out)
 
 
 @wp.kernel

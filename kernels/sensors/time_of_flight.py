@@ -7,13 +7,19 @@ Phases are in cycles, computed in double precision by polynomials, so that all d
 
 import warp as wp
 
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.pinhole import PinholeCamera, Window, image_ray, locate
-from warpvis.kernels.sensors.noise import NOISE, noise_row
-from warpvis.kernels.sensors.random_numbers import RANDOM_HEADERS, for_pixels
-from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, flight_row, sub_ray_corner
+from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.pinhole import Window, image_ray, locate
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
+from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(
+    {
+        "enable_backward": False,
+        "default_grid_stride": False,
+        "fuse_fp": False,
+        "extra_build_options": include_for_pixels("shared/time_of_flight.h"),
+    }
+)
 
 
 @wp.struct
@@ -32,30 +38,11 @@ class FlightModel:
     offset: wp.float64  # [m]
     wiggle: wp.float64  # [m]
     wiggle_turns: wp.float64  # phase of the wiggling error at range 0 [cycles]
-    near: float
-    far: float
-    seed: wp.uint32
-
-
-@wp.struct
-class FlightViews:
-    """Inputs of all views; None if the model does not use them."""
-
-    true_depth: wp.array3d[float]
-    normals: wp.array3d[wp.vec3]
-    segmentation: wp.array3d[wp.int32]
-    reflectivity: wp.array[float]  # of objects
-    draws: wp.array[wp.vec2ui]
     slots: wp.array3d[wp.int32]  # number of an edge pixel with sub-rays, -1 for other pixels; None without sub-rays
     mixes: wp.array2d[wp.vec4]  # the output of `mix_sub_rays`
 
 
-_SCALAR = read_native(
-    "shared/constants.h", *RANDOM_HEADERS, "shared/random_pixel.h", "shared/noise.h", "shared/time_of_flight.h"
-)
-
-
-@wp.func_native(_SCALAR + "return Phase::sine(turns);")
+@wp.func_native("return warpvis::Phase<warpvis::OnePixel>::sine(turns);")
 def sine(turns: wp.float64) -> wp.float64: ...
 
 
@@ -96,12 +83,9 @@ def angle(x: wp.float64, y: wp.float64) -> wp.float64:
 
 
 @wp.func_native(
-    _SCALAR
-    + """
-float rotation[9];
-for (int k = 0; k < 9; ++k) rotation[k] = axes.data[k / 3][k % 3];
-const float n[3] = {normal[0], normal[1], normal[2]};
-const FlightReturn light = FlightReturn::of(rotation, ray[0], ray[1], depth, n, reflectivity);
+    """
+typedef warpvis::FlightReturn<warpvis::OnePixel> Return;
+const Return light = Return::of(axes, ray[0], ray[1], depth, normal.c, reflectivity);
 return wp::vec_t<3, double>(light.range, light.signal, light.straight);
 """
 )
@@ -127,17 +111,16 @@ def unwrap(model: FlightModel, phases: wp.vec3d) -> wp.float64:
 @wp.kernel
 def mix_sub_rays(
     # Cameras:
-    camera: PinholeCamera,
     axes: wp.array[wp.mat33],
     window: Window,
     # In:
     model: FlightModel,
+    inputs: SensorInputs,
     pixels: wp.array2d[wp.int32],
     points: wp.array3d[wp.vec2],
     depth: wp.array3d[float],
     normals: wp.array3d[wp.vec3],
     segmentation: wp.array3d[wp.int32],
-    reflectivity: wp.array[float],
     first: int,
     # Out:
     mixes_out: wp.array2d[wp.vec4],
@@ -161,8 +144,8 @@ def mix_sub_rays(
             share = float(1.0)
             if segmentation:
                 if segmentation[view, j, i] >= 0:
-                    share = reflectivity[segmentation[view, j, i]]
-            ray = image_ray(camera, points[view, j, i])
+                    share = inputs.reflectivity[segmentation[view, j, i]]
+            ray = image_ray(inputs.camera, points[view, j, i])
             light = light_of(ray, axes[view], depth[view, j, i], normals[view, j, i], share)
             turns = light[0] * model.turns
             real += light[1] * wp.vec3d(cosine(turns[0]), cosine(turns[1]), cosine(turns[2]))
@@ -189,49 +172,30 @@ def mix_sub_rays(
     mixes_out[view, number] = mix
 
 
-@wp.func_native(
-    NOISE
-    + read_native("shared/time_of_flight.h")
-    + noise_row("views.true_depth", "model")
-    + flight_row("views.true_depth", "views.normals")
-    + """
-if (views.segmentation.data) seen.segmentation = views.segmentation.data + view_place;
-seen.reflectivity = views.reflectivity.data;
-if (views.slots.data) seen.slots = views.slots.data + view_place;
-if (views.slots.data) seen.mixes = (const float*)views.mixes.data + 4LL * view * views.mixes.shape[1];
-const Flight flight = {model.turns[0], model.unambiguous, model.offset, model.wiggle, model.wiggle_turns,
-                       model.noise_scale, model.background, model.min_signal, model.max_signal, range};
-"""
-    + for_pixels("flight.measure(row, seen, x);")
-)
+@wp.func_native("warpvis::measure<warpvis::Flight>(warpvis::sensor_row(inputs, images_out, view, y), x, model, axes);")
 def measure_pixels(
-    camera: PinholeCamera,
-    axes: wp.mat33,
     model: FlightModel,
-    views: FlightViews,
-    draw: wp.vec2ui,
+    inputs: SensorInputs,
+    axes: wp.mat33,
     view: int,
     y: int,
     x: int,
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ): ...
 
 
 @wp.kernel
 def measure_time_of_flight(
     # Cameras:
-    camera: PinholeCamera,
     axes: wp.array[wp.mat33],
     window: Window,
     # In:
     model: FlightModel,
-    views: FlightViews,
+    inputs: SensorInputs,
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write the measured depth of every pixel, and the reason for missing depth; reasons may be None."""
+    """Write the measured depth of every pixel, and the reason for missing depth."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    measure_pixels(camera, axes[view], model, views, views.draws[view], view, y, x, depth_out, reasons_out)
+    measure_pixels(model, inputs, axes[view], view, y, x, images_out)

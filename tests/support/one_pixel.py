@@ -5,15 +5,12 @@
 import importlib.util
 import sys
 
-from warpvis.kernels.native_source import read_native
-from warpvis.kernels.sensors import random_numbers
-
-SCALAR = read_native("shared/constants.h", *random_numbers.RANDOM_HEADERS, "shared/random_pixel.h")
+from warpvis.kernels import native_source
 
 
 def compute_one_pixel_at_a_time(monkeypatch, *names):
     """Replace modules of `warpvis.kernels.sensors`, in the order of their imports, by copies with scalar numbers."""
-    monkeypatch.setattr(random_numbers, "PIXEL_NUMBERS", SCALAR)
+    monkeypatch.setattr(native_source, "CPU_NUMBERS", "OnePixel")
     for name in names:
         full_name = f"warpvis.kernels.sensors.{name}"
         source = importlib.util.find_spec(full_name).origin

@@ -9,8 +9,6 @@
 #include "cpu/number_lanes.h"
 #include "shared/pose.h"
 
-typedef double Doubles __attribute__((ext_vector_type(LANES)));
-
 // Range of valid depth [m].
 struct DepthRange {
     float near, far;
@@ -61,7 +59,7 @@ struct DepthRow {
     const double* origin;
     RowDirections directions;
 
-    inline Floats load(int x) const { return Numbers::load(depth + x, width - x); }
+    inline Floats load(int x) const { return PixelLanes::load(depth + x, width - x); }
     // Coordinate k of the world points from column x on, rounded once; NaN where a pixel has no ray.
     inline Floats coordinate(int k, int x, Floats depth) const {
         const Doubles far = __builtin_convertvector(depth, Doubles) * directions.component(k, x, width - x);
@@ -79,7 +77,7 @@ struct DepthRow {
             Points::interleave(points(x, range.contains(seen) ? seen : Lanes::all(__builtin_nanf(""))), rows);
             const int count = 3 * (width - x);
             for (int k = 0; k < 3 && k * LANES < count; ++k)
-                Numbers::store(points_out + 3LL * x + k * LANES, rows[k], count - k * LANES);
+                PixelLanes::store(points_out + 3LL * x + k * LANES, rows[k], count - k * LANES);
         }
     }
 };
@@ -100,7 +98,7 @@ struct RowCases {
         for (int i = 0; i < sphere_count; ++i) {
             const float* center = centers + 3LL * i;
             const Points offset = Points{points.x - center[0], points.y - center[1], points.z - center[2]};
-            const Floats distance = Numbers::root(offset.x * offset.x + offset.y * offset.y + offset.z * offset.z);
+            const Floats distance = PixelLanes::root(offset.x * offset.x + offset.y * offset.y + offset.z * offset.z);
             const Floats ratio = distance / (0.5f * sizes[i]);
             const Ints deeper = ratio < min_ratio;
             min_ratio = deeper ? ratio : min_ratio;
@@ -119,9 +117,9 @@ struct RowCases {
             Ints labels = Lanes::all_ints(LABEL_OBSTACLE), spheres = Lanes::all_ints(-1);
             if (sphere_count > 0 && Lanes::any(above)) spheres = find_spheres(row.points(x, depth), &labels);
             labels = above ? labels : (known ? Lanes::all_ints(LABEL_GROUND) : Lanes::all_ints(LABEL_EMPTY));
-            Numbers::store(labels_out + x, labels, row.width - x);
+            PixelLanes::store(labels_out + x, labels, row.width - x);
             spheres = above ? spheres : Lanes::all_ints(-1);
-            if (spheres_out) Numbers::store((float*)spheres_out + x, (Floats)spheres, row.width - x);
+            if (spheres_out) PixelLanes::store((float*)spheres_out + x, (Floats)spheres, row.width - x);
         }
     }
 };
@@ -134,7 +132,7 @@ struct ObjectRow {
 
     inline void label(const float* depth, const int* objects, unsigned char* labels_out) const {
         for (int x = 0; x < width; x += LANES) {
-            const Ints known = range.contains(Numbers::load(depth + x, width - x));
+            const Ints known = range.contains(PixelLanes::load(depth + x, width - x));
             for (int i = 0; i < (width - x < LANES ? width - x : LANES); ++i) {
                 const int object = known[i] ? objects[x + i] : -1;
                 const bool exists = object >= 0 && object < object_count;

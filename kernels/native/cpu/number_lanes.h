@@ -5,14 +5,12 @@
 
 #include "cpu/lanes.h"
 
-// Number types of formulas that are compiled for one pixel and for 16 pixels at a time, as in shared/scalar.h: this
-// version holds 16 pixels.
-typedef Floats Real;
-typedef Ints Whole;
-typedef double Double __attribute__((ext_vector_type(LANES)));
-typedef unsigned Word __attribute__((ext_vector_type(LANES)));
-
-struct Numbers {
+// Numbers of 16 pixels: the counterpart of OnePixel of shared/scalar.h.
+struct PixelLanes {
+    typedef Floats Real;
+    typedef Doubles Double;
+    typedef Ints Whole;
+    typedef unsigned Word __attribute__((ext_vector_type(LANES)));
     enum { PIXELS = LANES };
 
     static inline Floats real(float a) { return Lanes::all(a); }

@@ -1,19 +1,21 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Key of the random words of an image; y and x complete the counter.
-struct RandomKey {
-    unsigned seed, view, frame;
-};
+#pragma once
 
-// Random words of adjacent pixels of a row, as in shared/random_pixel.h: 4 x 16 pixels from a multiple of four on.
-struct PixelWords {
+#include "cpu/number_lanes.h"
+#include "shared/random.h"
+
+// Random words of 4 x 16 pixels, from a multiple of four on.
+template <>
+struct PixelWords<PixelLanes> {
+    typedef PixelLanes::Word Word;
     enum { WORDS = 4, PIXELS = WORDS * LANES };
     Word block[WORDS];
 
     static inline PixelWords draw(const RandomKey& key, unsigned stream, int y, int x) {
         const Word counters = (Word)Lanes::index() + ((unsigned)x >> 2);
-        Philox numbers = {{counters, all((unsigned)y), all(key.view), all(key.frame)}};
+        Philox<PixelLanes> numbers = {{counters, all((unsigned)y), all(key.view), all(key.frame)}};
         numbers.mix(key.seed, stream);
         const Word* word = numbers.word;
         const Word low[2] = {lower(word[0], word[1]), lower(word[2], word[3])};

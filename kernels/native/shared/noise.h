@@ -1,27 +1,17 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Common parts of the models of depth noise, for rows of pixels, as many at a time as Real holds.
+// Common parts of models of depth sensors, for rows of pixels, as many at a time as Numbers holds.
 
-// A row of a view's image.
-struct NoiseRow {
-    int width, y;
-    RandomKey key;
-    const float* depth;  // of the first surface
-    float* depth_out;
-    unsigned char* reasons_out;  // or null
+#pragma once
 
-    // Whether pixels remain for word k of the random words that pixels from x on share.
-    inline bool has_word(int x, int k) const { return k < PixelWords::WORDS && x + k * Numbers::PIXELS < width; }
-    inline Real exact(int x) const { return Numbers::load(depth + x, width - x); }
-    inline void write(int x, Real reported, Whole reason) const {
-        Numbers::store(depth_out + x, reported, width - x);
-        if (reasons_out) Numbers::store(reasons_out + x, reason, width - x);
-    }
-};
+#include "shared/random.h"
 
 // Range of a sensor [m].
+template <class Numbers>
 struct SensorRange {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Whole Whole;
     float near, far;
 
     static inline Whole finite(Real depth) { return Numbers::abs(depth) < Numbers::endless(); }
@@ -36,3 +26,103 @@ struct SensorRange {
         return finite(reported) ? Numbers::whole(REASON_VALID) : Numbers::whole(REASON_RANGE);
     }
 };
+
+// A row of a view, and the images of the view, [y][x]; null if they are not used.
+template <class Numbers>
+struct SensorRow {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Double Double;
+    typedef typename Numbers::Whole Whole;
+    typedef SensorRange<Numbers> Range;
+    typedef PixelWords<Numbers> Words;
+
+    int view, height, width, y;
+    RandomKey key;
+    Range range;
+    double focal[2], center[2];
+    const float* depth;  // of the first surface
+    const float* normals;  // xyz in the world
+    const int* segmentation;
+    const float* reflectivity;  // [object]
+    float* depth_out;
+    unsigned char* reasons_out;
+
+    template <class Inputs>
+    static inline SensorRow of(const Inputs& inputs, int view, int y) {
+        SensorRow row;
+        row.view = view, row.y = y;
+        row.height = (int)inputs.camera.height, row.width = (int)inputs.camera.width;
+        row.key = RandomKey{inputs.seed, inputs.draws.data[view][0], inputs.draws.data[view][1]};
+        row.range = Range{inputs.camera.near, inputs.camera.far};
+        row.focal[0] = inputs.camera.fx, row.focal[1] = inputs.camera.fy;
+        row.center[0] = inputs.camera.cx, row.center[1] = inputs.camera.cy;
+        row.depth = row.image_of(inputs.true_depth.data);
+        row.normals = (const float*)row.image_of(inputs.normals.data);
+        row.segmentation = row.image_of(inputs.segmentation.data);
+        row.reflectivity = inputs.reflectivity.data;
+        return row;
+    }
+    template <class Pixel>
+    inline Pixel* image_of(Pixel* images) const {
+        return images ? images + (long long)view * height * width : nullptr;
+    }
+
+    inline long long place(int x) const { return (long long)y * width + x; }
+    inline int count(int x) const { return width - x; }
+    // Whether pixels remain for word k of the random words that pixels from x on share.
+    inline bool has_word(int x, int k) const { return k < Words::WORDS && x + k * Numbers::PIXELS < width; }
+    inline Words draw(unsigned stream, int x) const { return Words::draw(key, stream, y, x); }
+
+    // Slopes of the rays of columns and rows, in the camera frame.
+    inline Double across(Whole column) const { return (Numbers::to_double(column) + 0.5 - center[0]) / focal[0]; }
+    inline Double down(Whole row) const { return (Numbers::to_double(row) + 0.5 - center[1]) / focal[1]; }
+
+    inline Real exact(int x) const { return Numbers::load(depth + place(x), width - x); }
+    // Depth of pixels of any row, from a column on that may be outside of the image; `outside` for pixels that are.
+    inline Real exact(int column, int row, float outside) const {
+        const float* depths = depth + (long long)row * width;
+        if (column >= 0 && column + Numbers::PIXELS <= width) return Numbers::load(depths + column, Numbers::PIXELS);
+        return collect([&](int k) { return column + k >= 0 && column + k < width ? depths[column + k] : outside; });
+    }
+    inline void normal(int x, Real* xyz) const { Numbers::load_triples(normals + 3 * place(x), xyz, width - x); }
+    // Reflectivity of the surfaces; 1 where there is none.
+    inline Real reflectivities(int x) const {
+        if (!segmentation) return Numbers::real(1.0f);
+        return collect([&](int k) {
+            const int object = x + k < width ? segmentation[place(x) + k] : -1;
+            return object < 0 ? 1.0f : reflectivity[object];
+        });
+    }
+    // Numbers of pixels 0, 1, ... as a function returns them.
+    template <class Function>
+    static inline Real collect(const Function& function) {
+        float values[Numbers::PIXELS];
+        for (int k = 0; k < Numbers::PIXELS; ++k) values[k] = function(k);
+        return Numbers::load(values, Numbers::PIXELS);
+    }
+
+    inline void write(int x, Real reported, Whole reason) const {
+        Numbers::store(depth_out + place(x), reported, width - x);
+        if (reasons_out) Numbers::store(reasons_out + place(x), reason, width - x);
+    }
+};
+
+// A row of a `SensorInputs`, and of the `MeasuredImages` that are written, of kernels/sensors/noise.py.
+template <class Inputs>
+inline SensorRow<PixelNumbers> sensor_row(const Inputs& inputs, int view, int y) {
+    return SensorRow<PixelNumbers>::of(inputs, view, y);
+}
+template <class Inputs, class Images>
+inline SensorRow<PixelNumbers> sensor_row(const Inputs& inputs, const Images& images, int view, int y) {
+    SensorRow<PixelNumbers> row = sensor_row(inputs, view, y);
+    row.depth_out = row.image_of(images.depth.data);
+    row.reasons_out = row.image_of(images.reasons.data);
+    return row;
+}
+
+// Measure the pixels of a thread with a sensor: a struct of a row, its model, and other data of the view.
+template <template <class...> class Sensor, class... Data>
+inline void measure(const SensorRow<PixelNumbers>& row, int x, const Data&... data) {
+    const Sensor<PixelNumbers, Data...> sensor = {row, data...};
+    for_pixels<PixelNumbers>(row.width, x, [&](int column) { sensor.measure(column); });
+}

@@ -6,12 +6,18 @@
 // Modules that include this are compiled with "fuse_fp" False: each product and each sum is rounded, in the order
 // written.
 
+#pragma once
+
+#include "shared/scalar.h"
+
 // Philox4x32-10: Salmon, Moraes, Dror and Shaw, "Parallel Random Numbers: As Easy as 1, 2, 3", SC 2011.
 constexpr unsigned FIRST_FACTOR = 0xD2511F53u, SECOND_FACTOR = 0xCD9E8D57u;
 constexpr unsigned FIRST_STEP = 0x9E3779B9u, SECOND_STEP = 0xBB67AE85u;
 constexpr int PHILOX_ROUNDS = 10;
 
+template <class Numbers>
 struct Philox {
+    typedef typename Numbers::Word Word;
     Word word[4];
 
     // Convert a counter into four random words.
@@ -29,7 +35,11 @@ struct Philox {
 };
 
 // Distributions of random words.
+template <class Numbers>
 struct Random {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Word Word;
+
     // Uniform in (0, 1): the midpoints of 2^23 equal intervals, all exactly representable.
     static inline Real uniform(Word word) { return Numbers::from_whole((word >> 9) * 2u + 1u) * 0x1p-24f; }
 
@@ -71,3 +81,43 @@ struct Random {
         return Numbers::of_bits(Numbers::bits_of(size) | (~word & ~MOST));
     }
 };
+
+// Key of the random words of an image; y and x complete the counter.
+struct RandomKey {
+    unsigned seed, view, frame;
+};
+
+// Random words of adjacent pixels of a row: four share a counter. This version returns the word of one pixel.
+template <class Numbers>
+struct PixelWords {
+    enum { WORDS = 1, PIXELS = 1 };
+    unsigned block[1];
+
+    static inline PixelWords draw(const RandomKey& key, unsigned stream, int y, int x) {
+        Philox<Numbers> numbers = {{(unsigned)x >> 2, (unsigned)y, key.view, key.frame}};
+        numbers.mix(key.seed, stream);
+        return PixelWords{{numbers.word[x & 3]}};
+    }
+};
+
+// Call a function with the first column of every PixelWords::PIXELS pixels of a thread, which processes pixel x on CUDA
+// and a row on a CPU.
+template <class Numbers, class Function>
+inline void for_pixels(int width, int x, const Function& function) {
+#if !defined(__CUDA_ARCH__)
+    for (x = 0; x < width; x += PixelWords<Numbers>::PIXELS)
+#endif
+        function(x);
+}
+
+// Write standard normal numbers for the pixels of a thread.
+template <class Numbers, class Image>
+inline void draw_normals(const RandomKey& key, unsigned stream, const Image& image, int view, int y, int x) {
+    const int width = image.shape[2];
+    float* row = image.data + ((long long)view * image.shape[1] + y) * width;
+    for_pixels<Numbers>(width, x, [&](int column) {
+        const PixelWords<Numbers> words = PixelWords<Numbers>::draw(key, stream, y, column);
+        for (int k = 0; k < PixelWords<Numbers>::WORDS && column < width; ++k, column += Numbers::PIXELS)
+            Numbers::store(row + column, Random<Numbers>::normal(words.block[k]), width - column);
+    });
+}

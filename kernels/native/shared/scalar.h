@@ -1,13 +1,16 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 
-// Number types of formulas that are compiled for one pixel and for 16 pixels at a time: this version holds one pixel.
-typedef float Real;
-typedef double Double;
-typedef int Whole;
-typedef unsigned Word;
+#pragma once
 
-struct Numbers {
+#include "shared/constants.h"
+
+// Numbers of one pixel, of formulas that are compiled for one pixel and for 16 pixels at a time (cpu/number_lanes.h).
+struct OnePixel {
+    typedef float Real;
+    typedef double Double;
+    typedef int Whole;
+    typedef unsigned Word;
     enum { PIXELS = 1 };
 
     // Broadcast a number to all pixels.
@@ -16,52 +19,29 @@ struct Numbers {
     static inline unsigned high_product(unsigned a, unsigned b) { return (unsigned)((unsigned long long)a * b >> 32); }
     // Convert an integer below 2^31, rounded to nearest.
     static inline float from_whole(unsigned a) { return (float)(int)a; }
-    static inline unsigned bits_of(float a) {
 #if defined(__CUDA_ARCH__)
-        return __float_as_uint(a);
+    static inline unsigned bits_of(float a) { return __float_as_uint(a); }
+    static inline float of_bits(unsigned bits) { return __uint_as_float(bits); }
+    static inline float floor(float a) { return floorf(a); }
+    static inline double floor(double a) { return ::floor(a); }
+    static inline float root(float a) { return __fsqrt_rn(a); }
+    static inline double root(double a) { return __dsqrt_rn(a); }
 #else
+    static inline unsigned bits_of(float a) {
         unsigned bits;
         __builtin_memcpy(&bits, &a, sizeof bits);
         return bits;
-#endif
     }
     static inline float of_bits(unsigned bits) {
-#if defined(__CUDA_ARCH__)
-        return __uint_as_float(bits);
-#else
         float a;
         __builtin_memcpy(&a, &bits, sizeof a);
         return a;
-#endif
     }
-    static inline float floor(float a) {
-#if defined(__CUDA_ARCH__)
-        return floorf(a);
-#else
-        return __builtin_floorf(a);
+    static inline float floor(float a) { return __builtin_floorf(a); }
+    static inline double floor(double a) { return __builtin_floor(a); }
+    static inline float root(float a) { return __builtin_sqrtf(a); }
+    static inline double root(double a) { return __builtin_sqrt(a); }
 #endif
-    }
-    static inline float root(float a) {
-#if defined(__CUDA_ARCH__)
-        return __fsqrt_rn(a);
-#else
-        return __builtin_sqrtf(a);
-#endif
-    }
-    static inline double floor(double a) {
-#if defined(__CUDA_ARCH__)
-        return ::floor(a);
-#else
-        return __builtin_floor(a);
-#endif
-    }
-    static inline double root(double a) {
-#if defined(__CUDA_ARCH__)
-        return __dsqrt_rn(a);
-#else
-        return __builtin_sqrt(a);
-#endif
-    }
     static inline float abs(float a) { return of_bits(bits_of(a) & 0x7fffffffu); }
 
     static inline float min(float a, float b) { return a < b ? a : b; }

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field, fields
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
@@ -19,6 +19,9 @@ from warpvis.kernels import constants
 from warpvis.rendering import DepthSensor, Exposure
 from warpvis.scene import Scene
 from warpvis.sensors._echoes import Reflectivity, reflectivities
+
+if TYPE_CHECKING:
+    from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
 
 class Reason(enum.IntEnum):
@@ -69,14 +72,13 @@ class Device(DepthSensor):
         reflectivities(scene, self.reflectivity)
         return super().check(scene, camera)
 
-    def set_surfaces(self, inputs: Any, exposure: Exposure) -> None:
-        """Set the normals, segmentation and reflectivity of objects in a struct of kernels, as far as they are read."""
-        if exposure.normals is not None:
-            inputs.normals = exposure.normals
+    def inputs(self, exposure: Exposure) -> SensorInputs:
+        """Return the inputs of kernels, with the reflectivity of objects if it is read."""
+        inputs = kernel_inputs(exposure)
         if exposure.segmentation is not None:
-            inputs.segmentation = exposure.segmentation
             values = reflectivities(exposure.scene, self.reflectivity)
             inputs.reflectivity = wp.array(values, dtype=wp.float32, device=exposure.scene.device)
+        return inputs
 
 
 class ByValue:
@@ -105,6 +107,31 @@ def closest_first(reach: int, max_squared: int | None = None) -> NDArray[np.int3
     if max_squared is not None:
         order = order[squared[order] <= max_squared]
     return np.stack([column, row], axis=-1)[order]
+
+
+def kernel_inputs(exposure: Exposure) -> SensorInputs:
+    """Return the inputs of an exposure as a struct for kernels."""
+    from warpvis.kernels.sensors.noise import SensorInputs
+
+    inputs, camera = SensorInputs(), exposure.camera
+    inputs.camera = camera.device_struct() if isinstance(camera, Camera) else exposure.image_range
+    inputs.true_depth, inputs.draws, inputs.seed = exposure.true_depth, exposure.draws, exposure.seed
+    if exposure.normals is not None:
+        inputs.normals = exposure.normals
+    if exposure.segmentation is not None:
+        inputs.segmentation = exposure.segmentation
+    return inputs
+
+
+def kernel_images(exposure: Exposure) -> MeasuredImages:
+    """Return the outputs of an exposure as a struct for kernels."""
+    from warpvis.kernels.sensors.noise import MeasuredImages
+
+    images = MeasuredImages()
+    images.depth = exposure.depth_out
+    if exposure.reasons_out is not None:
+        images.reasons = exposure.reasons_out
+    return images
 
 
 def draw_normal_image(

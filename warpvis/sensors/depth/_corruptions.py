@@ -15,6 +15,7 @@ from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
+from warpvis.sensors.depth._base import kernel_images, kernel_inputs
 
 _MAX_RECTANGLES, _MAX_SIDE = 256, 2**20
 
@@ -86,15 +87,14 @@ class Corruptions(DepthSensor):
         model.added, model.multiplied, model.dropout = self.added, self.multiplied, self.dropout
         model.min_count, model.max_count = self.rectangles
         model.min_side, model.max_side = self.sides
-        model.seed = exposure.seed
-        camera, views = exposure.image_range, len(exposure.poses)
-        rectangles = None
+        inputs = kernel_inputs(exposure)
+        if self.of is not None:
+            inputs.true_depth = None
         if model.max_count:
-            rectangles = exposure.scratch("rectangles", (views, model.max_count), wp.vec4i)
-            placed = [camera, model, exposure.draws, rectangles]
-            launch(place_rectangles, rectangles.shape, placed, exposure.scene.device)
-        inputs = model, exposure.true_depth if self.of is None else None, rectangles, exposure.draws
-        exposure.launch(corrupt_depth, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera], rows=True)
+            rectangles = exposure.scratch("rectangles", (len(exposure.poses), model.max_count), wp.vec4i)
+            launch(place_rectangles, rectangles.shape, [model, inputs, rectangles], exposure.scene.device)
+            model.rectangles = rectangles
+        exposure.launch(corrupt_depth, model, inputs, kernel_images(exposure), rows=True)
 
 
 def _check_limits(value: object, name: str, minimum: int, maximum: int) -> tuple[int, int]:

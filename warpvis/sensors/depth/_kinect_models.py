@@ -21,7 +21,14 @@ from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
-from warpvis.sensors.depth._base import ByValue, check_positive, closest_first, draw_normal_image
+from warpvis.sensors.depth._base import (
+    ByValue,
+    check_positive,
+    closest_first,
+    draw_normal_image,
+    kernel_images,
+    kernel_inputs,
+)
 
 _STEEPEST = math.radians(89.9)
 
@@ -76,10 +83,8 @@ class NguyenNoise(DepthSensor):
         model = NguyenModel()
         for name in self.__dataclass_fields__:
             setattr(model, name, getattr(self, name))
-        model.seed = exposure.seed
-        inputs = model, exposure.true_depth, exposure.normals, exposure.draws
-        cameras = exposure.camera.device_struct(), exposure.poses
-        exposure.launch(measure_nguyen, *inputs, exposure.depth_out, exposure.reasons_out, cameras=cameras, rows=True)
+        inputs = model, kernel_inputs(exposure), kernel_images(exposure)
+        exposure.launch(measure_nguyen, *inputs, cameras=[exposure.poses], rows=True)
 
 
 @dataclass(frozen=True)
@@ -112,9 +117,8 @@ class KhoshelhamNoise(DepthSensor):
         from warpvis.kernels.sensors.kinect_noise import KhoshelhamModel, measure_khoshelham
 
         model = KhoshelhamModel()
-        model.step, model.sigma, model.rounds, model.seed = self.step, self.sigma, int(self.rounds), exposure.seed
-        inputs = model, exposure.true_depth, exposure.draws, exposure.depth_out, exposure.reasons_out
-        exposure.launch(measure_khoshelham, *inputs, cameras=[exposure.image_range], rows=True)
+        model.step, model.sigma, model.rounds = self.step, self.sigma, int(self.rounds)
+        exposure.launch(measure_khoshelham, model, kernel_inputs(exposure), kernel_images(exposure), rows=True)
 
 
 _TABLE = (80, 80, 5)

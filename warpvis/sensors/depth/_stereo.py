@@ -21,10 +21,10 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import Exposure
 from warpvis.scene import Scene
-from warpvis.sensors.depth._base import Device, check_positive, closest_first, draw_normal_image
+from warpvis.sensors.depth._base import Device, check_positive, closest_first, draw_normal_image, kernel_images
 
 if TYPE_CHECKING:
-    from warpvis.kernels.sensors.stereo import StereoModel, StereoViews
+    from warpvis.kernels.sensors.stereo import StereoModel
 
 Side = Literal["right", "left"]
 
@@ -193,7 +193,7 @@ class StereoDepth(Device):
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
-        from warpvis.kernels.sensors.stereo import OtherEye, measure_stereo, place_other_eyes
+        from warpvis.kernels.sensors.stereo import OtherEye, measure_stereo, place_in_other_eyes, place_other_eyes
 
         if self.fattening:
             scale = self._scale(exposure.camera)
@@ -203,33 +203,25 @@ class StereoDepth(Device):
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
         side = self.baseline if self.other_eye == "right" else -self.baseline
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
-        model, inputs = self._model(exposure), self._views(exposure)
+        inputs, model = self.inputs(exposure), self._model(exposure)
         if self.shadow:
-            inputs.other_depth = self._render_other_eye(exposure, inputs, eyes, other_poses)
-        written = exposure.depth_out, exposure.reasons_out
-        exposure.launch(measure_stereo, model, inputs, *written, cameras=[eyes], rows=True)
-
-    def _render_other_eye(self, exposure: Exposure, inputs: StereoViews, eyes: wp.array, poses: wp.array) -> wp.array:
-        """Return the depth seen by the other eye at the projection of the point of each pixel."""
-        from warpvis.kernels.sensors.stereo import place_in_other_eyes
-
-        other = self._other_camera(exposure.camera, exposure.clip_near)
-        points = exposure.scratch("points", exposure.true_depth.shape, wp.vec2)
-        lens, margin = other.device_struct(), other.cx - exposure.camera.cx
-        min_depth = self._scale(exposure.camera) / self.max_disparity
-        exposure.launch(place_in_other_eyes, inputs, margin, min_depth, points, cameras=[lens, eyes], rows=True)
-        return exposure.cast_at(other, poses, points)
+            other = self._other_camera(exposure.camera, exposure.clip_near)
+            model.other_width, model.added_columns = other.width, other.cx - exposure.camera.cx
+            model.min_depth = self._scale(exposure.camera) / self.max_disparity
+            points = exposure.scratch("points", exposure.true_depth.shape, wp.vec2)
+            exposure.launch(place_in_other_eyes, model, inputs, points, cameras=[eyes], rows=True)
+            model.other_depth = exposure.cast_at(other, other_poses, points)
+        exposure.launch(measure_stereo, model, inputs, kernel_images(exposure), cameras=[eyes], rows=True)
 
     def _model(self, exposure: Exposure) -> StereoModel:
-        """Return the parameters as a struct for kernels."""
+        """Return the parameters as a struct for kernels, without the image of the other eye."""
         from warpvis.kernels.sensors.stereo import StereoModel
 
         camera, model = exposure.camera, StereoModel()
         model.disparity_scale = self._scale(camera)
         model.shift_scale = camera.fx * self.baseline * (1.0 if self.other_eye == "right" else -1.0)
         model.first_column, model.last_column = (0.0, camera.width) if self.band else (-math.inf, math.inf)
-        model.near, model.far, model.max_disparity = camera.near, camera.far, self.max_disparity
-        model.shadow_tolerance = _SHADOW_TOLERANCE
+        model.max_disparity, model.shadow_tolerance = self.max_disparity, _SHADOW_TOLERANCE
         model.min_support, model.window, model.edge_step = self.min_support, self.edge_window // 2, self.edge_step
         # If the signal is not checked, slope 1 accepts the default cosine of 1.
         checks_signal = self.full_signal > 0.0
@@ -237,34 +229,25 @@ class StereoDepth(Device):
         model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if checks_signal else 1.0
         model.detection_rate = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
-        model.seed, model.spacing = exposure.seed, self.noise_spacing
+        model.spacing = self.noise_spacing
+        model.column_slopes, model.row_slopes = _slopes(camera, exposure.scene.device)
+        if self._smooth:
+            self._draw_nodes(exposure, model)
         return model
 
-    def _views(self, exposure: Exposure) -> StereoViews:
-        """Return the input images as a struct for kernels, without the depth seen by the other eye."""
-        from warpvis.kernels.sensors.stereo import StereoViews
-
-        inputs = StereoViews()
-        inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
-        inputs.column_slopes, inputs.row_slopes = _slopes(exposure.camera, exposure.scene.device)
-        self.set_surfaces(inputs, exposure)
-        if self._smooth:
-            self._draw_nodes(exposure, inputs)
-        return inputs
-
-    def _draw_nodes(self, exposure: Exposure, inputs: StereoViews) -> None:
+    def _draw_nodes(self, exposure: Exposure, model: StereoModel) -> None:
         """Draw noise at the nodes of each view, and set the interpolation weights of pixels."""
         views, height, width = exposure.true_depth.shape
         device, spacing = exposure.scene.device, self.noise_spacing
         shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        inputs.nodes = draw_normal_image(exposure, STREAM_DISPARITY, "nodes", shape)
+        model.nodes = draw_normal_image(exposure, STREAM_DISPARITY, "nodes", shape)
         angles = np.arange(spacing) / spacing * (math.pi / 2)
         weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
         column_weights = weights[np.arange(width) % spacing].T.copy()
         columns = np.arange(width, dtype=np.int32) // spacing
-        inputs.weights = wp.array(weights, dtype=wp.vec2, device=device)
-        inputs.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
-        inputs.left_weights, inputs.right_weights = (
+        model.weights = wp.array(weights, dtype=wp.vec2, device=device)
+        model.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
+        model.left_weights, model.right_weights = (
             wp.array(side, dtype=wp.float32, device=device) for side in column_weights
         )
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
@@ -19,10 +19,11 @@ from warpvis.core.checks import as_items, check_angle, check_flag, check_number,
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
-from warpvis.sensors.depth._base import Device, check_positive
+from warpvis.sensors.depth._base import Device, check_positive, kernel_images
 
 if TYPE_CHECKING:
-    from warpvis.kernels.sensors.time_of_flight import FlightModel, FlightViews
+    from warpvis.kernels.sensors.noise import SensorInputs
+    from warpvis.kernels.sensors.time_of_flight import FlightModel
 
 SPEED_OF_LIGHT = 299792458.0
 """Speed of light in vacuum [m/s]."""
@@ -134,20 +135,19 @@ class TimeOfFlight(Device):
         from warpvis.kernels.sensors.sub_rays import find_axes
         from warpvis.kernels.sensors.time_of_flight import measure_time_of_flight
 
-        model, inputs = self._model(exposure), self._views(exposure)
+        model, inputs = self._model(), self.inputs(exposure)
         axes = exposure.scratch("axes", exposure.poses.shape, wp.mat33)
         launch(find_axes, len(exposure.poses), [exposure.poses, axes], exposure.scene.device)
-        cameras = [exposure.camera.device_struct(), axes]
         if self.mixing:
-            inputs.slots, inputs.mixes = self._mix(exposure, cameras, model, inputs)
-        written = exposure.depth_out, exposure.reasons_out
-        exposure.launch(measure_time_of_flight, model, inputs, *written, cameras=cameras, rows=True)
+            model.slots, model.mixes = self._mix(exposure, axes, model, inputs)
+        images = kernel_images(exposure)
+        exposure.launch(measure_time_of_flight, model, inputs, images, cameras=[axes], rows=True)
 
-    def _model(self, exposure: Exposure) -> FlightModel:
-        """Return the parameters as a struct for kernels."""
+    def _model(self) -> FlightModel:
+        """Return the parameters as a struct for kernels, without the results of sub-rays."""
         from warpvis.kernels.sensors.time_of_flight import FlightModel
 
-        camera, model, frequencies = exposure.camera, FlightModel(), self._integers
+        model, frequencies = FlightModel(), self._integers
         model.frequencies = len(frequencies)
         turns = [2 * frequency / SPEED_OF_LIGHT for frequency in frequencies]
         model.turns = wp.vec3d(*turns, *[0.0] * (_MAX_FREQUENCIES - len(turns)))
@@ -158,20 +158,10 @@ class TimeOfFlight(Device):
         model.min_signal, model.max_signal = self.min_signal, self.max_signal
         model.min_coherence = self.min_coherence
         model.offset, model.wiggle, model.wiggle_turns = self.offset, self.wiggle, self.wiggle_phase / (2 * math.pi)
-        model.near, model.far, model.seed = camera.near, camera.far, exposure.seed
         return model
 
-    def _views(self, exposure: Exposure) -> FlightViews:
-        """Return the input images as a struct for kernels, without the results of sub-rays."""
-        from warpvis.kernels.sensors.time_of_flight import FlightViews
-
-        inputs = FlightViews()
-        inputs.true_depth, inputs.draws = exposure.true_depth, exposure.draws
-        self.set_surfaces(inputs, exposure)
-        return inputs
-
     def _mix(
-        self, exposure: Exposure, cameras: list[Any], model: FlightModel, inputs: FlightViews
+        self, exposure: Exposure, axes: wp.array, model: FlightModel, inputs: SensorInputs
     ) -> tuple[wp.array, wp.array]:
         """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
         from warpvis.kernels.sensors.sub_rays import find_edges, place_sub_rays
@@ -179,9 +169,7 @@ class TimeOfFlight(Device):
 
         views, _, width = exposure.true_depth.shape
         slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)  # not negative at edges
-        exposure.launch(
-            find_edges, exposure.true_depth, exposure.normals, self.edge_step, slots, cameras=cameras, rows=True
-        )
+        exposure.launch(find_edges, inputs, self.edge_step, slots, cameras=[axes], rows=True)
         pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
         mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
@@ -190,9 +178,9 @@ class TimeOfFlight(Device):
         for first in range(0, pixels.shape[1], part):
             exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape)
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
-            images = seen["depth"], seen["normals"], seen.get("segmentation"), inputs.reflectivity
-            arguments = model, pixels, points, *images, first, mixes
-            exposure.launch(mix_sub_rays, *arguments, cameras=cameras, shape=tiles)
+            images = seen["depth"], seen["normals"], seen.get("segmentation")
+            arguments = model, inputs, pixels, points, *images, first, mixes
+            exposure.launch(mix_sub_rays, *arguments, cameras=[axes], shape=tiles)
         return slots, mixes
 
 
