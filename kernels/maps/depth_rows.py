@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""World points and labels on CPU cores: `kernels.maps.classify` and `ray_points` for 16 pixels of a row at a time.
+"""World points and labels on CPU cores: `kernels.maps.classify` for 16 pixels of a row at a time.
 
 A pose is read once per row, and without spheres only the vertical coordinate of a pixel's point is computed.
 """
@@ -64,10 +64,7 @@ def back_project_rows(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """Write the points of `back_project`, or of `back_project_rays` unless `rays_in` is None.
-
-    Each thread of the kernel takes a row of pixels. With rays, only the range of the camera is read.
-    """
+    """Write the points of `back_project`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view, y = locate(window, view, y)
     back_project_row(camera, camera_to_world, view, y, rays_in, depth_in, points_out)
@@ -118,7 +115,7 @@ def classify_rows(
     labels_out: wp.array3d[wp.uint8],
     spheres_out: wp.array3d[wp.int32],
 ):
-    """Write the labels of `classify_depth`, or of `classify_rays` unless `rays_in` is None, as `back_project_rows`."""
+    """Write the labels of `classify_depth`; each thread of the kernel takes a row of pixels."""
     view, y, _x = wp.tid()
     view, y = locate(window, view, y)
     classify_row(

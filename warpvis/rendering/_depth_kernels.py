@@ -15,10 +15,24 @@ from warpvis.core.types import KernelArguments
 from warpvis.rendering.casters.rays import rays_on_device
 
 if TYPE_CHECKING:
-    from warpvis.kernels.pinhole import Window
+    from warpvis.kernels.pinhole import PinholeCamera, Window
 
 # A row takes about 0.5 ns per pixel, plus as much for each sphere; waking a thread takes 50 to 100 us.
 _MIN_PIXELS = 2**17
+
+
+def camera_with_rays(camera: ImageCamera, device: wp.Device) -> tuple[PinholeCamera, wp.array | None]:
+    """Return a camera and its rays on a device in the format of `kernels.maps.classify`.
+
+    With a ray table, the camera has only a range, and rays have shape ``(height, width)``; without, rays are None.
+    """
+    from warpvis.kernels.pinhole import PinholeCamera
+
+    if camera.ray_model != "table":
+        return camera.device_struct(), None
+    struct = PinholeCamera()
+    struct.near, struct.far = camera.near, camera.far
+    return struct, rays_on_device(camera, device)
 
 
 def launch_back_project(
@@ -27,8 +41,6 @@ def launch_back_project(
     """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
         from warpvis.kernels.maps.depth_rows import back_project_rows as kernel
-    elif camera.ray_model == "table":
-        from warpvis.kernels.maps.ray_points import back_project_rays as kernel
     else:
         from warpvis.kernels.maps.classify import back_project as kernel
     _launch_camera(kernel, camera, poses, depth, [points], threads, _MIN_PIXELS)
@@ -45,8 +57,6 @@ def launch_classify(
     """Write the labels of depth images; `arguments` are the last ones of `kernels.maps.classify.classify_depth`."""
     if depth.device.is_cpu:
         from warpvis.kernels.maps.depth_rows import classify_rows as kernel
-    elif camera.ray_model == "table":
-        from warpvis.kernels.maps.ray_points import classify_rays as kernel
     else:
         from warpvis.kernels.maps.classify import classify_depth as kernel
     _launch_camera(kernel, camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
@@ -76,19 +86,11 @@ def _launch_camera(
     threads: int | None,
     min_pixels: int,
 ) -> None:
-    """Launch a kernel with the camera and, if it has a ray table or if the kernel is one for rows, with its rays."""
-    from warpvis.kernels.pinhole import PinholeCamera
-
-    struct, is_cpu = camera.device_struct(), depth.device.is_cpu
-    rays = [None] if is_cpu else []
-    if camera.ray_model == "table":
-        rays = [rays_on_device(camera, depth.device)]
-        if is_cpu:
-            near, far, struct = struct.near, struct.far, PinholeCamera()
-            struct.near, struct.far = near, far
+    """Launch a kernel with the camera and its rays, which are None without a ray table."""
+    struct, rays = camera_with_rays(camera, depth.device)
 
     def arguments(window: Window) -> KernelArguments:
-        return [struct, poses, window, *rays, depth, *inputs]
+        return [struct, poses, window, rays, depth, *inputs]
 
     _launch(kernel, depth, arguments, threads, min_pixels)
 
