@@ -27,7 +27,10 @@ from native_build import cache_folder, find_compiler
 from warpvis import Camera, Scene
 from warpvis.cameras.rays import RayCamera
 from warpvis.kernels import native_source
-from warpvis.kernels.casting import packets_cuda, point_packets_cuda, ray_bundle_packets_cuda
+from warpvis.kernels.casting import packets_cuda
+from warpvis.kernels.casting.point_order import PointLists
+from warpvis.kernels.casting.rays import RayRange
+from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.rendering import Renderer
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.rendering.casters.points_cuda import list_points, packet_count
@@ -208,6 +211,7 @@ class EmulatedCaster(RaysCaster):
             "poses": views.poses,
             "worlds": views.worlds,
             "found": self._room(views.count, struct.drawn_count),
+            "rays": PointLists(),
             "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
@@ -238,7 +242,7 @@ class EmulatedTableCaster(RayBundleCaster):
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         arguments = {
             "scene": _trees(self._scene, images),
-            "range": self._camera.device_struct(),
+            "camera": self._camera.device_struct(),
             "poses": views.poses,
             "worlds": views.worlds,
             "found": packets_cuda.FoundObjects(),
@@ -253,7 +257,7 @@ class EmulatedTableCaster(RayBundleCaster):
             self._scene.device,
             self._camera.origins.reshape(shape) if self._variant.origins else None,
         )
-        self._emulator.launch(self._variant, (views.count, packets.frame.shape[0], 1), arguments | {"packets": packets})
+        self._emulator.launch(self._variant, (views.count, packets.frame.shape[0], 1), arguments | {"rays": packets})
 
 
 class EmulatedPointCaster(RaysCaster):
@@ -272,7 +276,7 @@ class EmulatedPointCaster(RaysCaster):
             "poses": views.poses,
             "worlds": views.worlds,
             "found": packets_cuda.FoundObjects(),
-            "points": lists,
+            "rays": lists,
             "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
@@ -317,7 +321,7 @@ def emulated_renderer(emulator: Emulator, variant: Variant, scene: Scene, camera
     return renderer
 
 
-_PLACE = {"view": "view", "packet_y": "packet_y", "packet_x": "packet_x", "packet": "packet_y"}
+_PLACE = {"view": "view", "packet_y": "packet_y", "packet_x": "packet_x"}
 _SCALARS = {int: "int", wp.int32: "int", float: "float", wp.float32: "float", wp.float64: "double", bool: "bool"}
 _SCALARS |= {wp.bool: "bool", wp.uint8: "unsigned char"}
 _FORMATS = {"int": "i", "float": "f", "double": "d", "bool": "?"}
@@ -331,16 +335,14 @@ def _native_code(variant: Variant) -> tuple[wp.Function, str, str]:
     packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
     try:
         if variant.ray_table:
-            function = ray_bundle_packets_cuda.cast_ray_packet
-            kernel = ray_bundle_packets_cuda.make_ray_packet_kernel(
+            function = packets_cuda.cast_function(packets_cuda.BUNDLE, RayRange, packets_cuda.RayPackets)
+            kernel = packets_cuda.make_ray_packet_kernel(
                 variant.side, *kind, variant.resized, variant.points, variant.origins
             )
-        elif variant.points:
-            function = point_packets_cuda.cast_point_packet
-            kernel = point_packets_cuda.make_point_packet_kernel(variant.points, *kind, variant.clip, variant.resized)
         else:
-            function = packets_cuda.cast_packet
-            kernel = packets_cuda.make_packet_kernel(variant.side, *kind, variant.clip, variant.resized)
+            call = packets_cuda.POINTS if variant.points else packets_cuda.PIXELS
+            function = packets_cuda.cast_function(call, PinholeCamera, PointLists)
+            kernel = packets_cuda.make_packet_kernel(variant.side, *kind, variant.clip, variant.resized, variant.points)
     finally:
         packets_cuda.CACHED_NUMBERS = cached
     body = function.native_snippet

@@ -181,8 +181,7 @@ def cast_rays_at(
 # Images do not depend on the casting method.
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
-cast_point_packets_cuda = cast_rays_at
-cast_table_packets = cast_ray_origin_packets = cast_ray_packets_cuda = cast_ray_table
+cast_table_packets = cast_ray_origin_packets = cast_ray_table
 
 
 def _cast(

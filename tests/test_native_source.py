@@ -91,9 +91,9 @@ def test_lines_are_numbered_as_in_the_header():
     [
         "packets_cuda:make_packet_kernel(16, True, True, True, True)",
         "packets_cuda:make_find_kernel(True)",
-        "point_packets_cuda:make_point_packet_kernel(256, True, False, True)",
-        "ray_bundle_packets_cuda:make_ray_packet_kernel(32, False, False)",
-        "ray_bundle_packets_cuda:make_ray_packet_kernel(32, True, True, False, 1024, True)",
+        "packets_cuda:make_packet_kernel(32, True, False, True, False, 256)",
+        "packets_cuda:make_ray_packet_kernel(32, False, False)",
+        "packets_cuda:make_ray_packet_kernel(32, True, True, False, 1024, True)",
     ],
 )
 def test_variants_of_packets_compile_for_gpus(kernel, tmp_path):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ``packets`` caster on CUDA: a warp traverses a BVH of 32 lanes for a block of pixels.
+"""The ``packets`` caster on CUDA: a warp traverses a BVH of 32 lanes for a packet of pixels, points or rays.
 
 The C++ is in ``kernels/native/cuda/``. Kernels are specialized by packet size, by whether they output object ids, by
 whether objects move or are resized, and by whether the near plane clips.
@@ -10,6 +10,8 @@ import warp as wp
 
 from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.packets import BvhScene
+from warpvis.kernels.casting.point_order import PointLists
+from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.constants import CUDA_LANES
 from warpvis.kernels.native_source import include_native
@@ -28,6 +30,12 @@ TILE_BITS = 5
 
 MAX_TILES = 4
 """Maximum number of tiles of an object that is sorted by tiles."""
+
+FRAME_WORDS = 24
+"""Number of 64-bit words of a `TableFrame` of ``native/cuda/table.h``."""
+
+EYE_WORDS = 8
+"""Number of 64-bit words of a `TableEye` of ``native/cuda/ray_origins.h``."""
 
 
 @wp.struct
@@ -48,12 +56,43 @@ class FoundObjects:
     tiles_x: int
 
 
-CAST = """
-__shared__ warpvis::WarpMemory memory;
-view = warpvis::Warp::uniform(view);
-warpvis::Packets::cast(warpvis::Scene::of(scene, worlds, found, view),
+@wp.struct
+class RayPackets:
+    """A ray bundle in packets; names are those of ``native/cuda/table.h``."""
+
+    frame: wp.array2d[wp.float64]
+    """(packet, word): `TableFrame`."""
+    points: wp.array2d[wp.vec2]
+    """(packet, pixel), as are the next three arrays."""
+    rests: wp.array2d[wp.vec2]
+    scale: wp.array2d[float]
+    place: wp.array2d[wp.int32]
+    bounds: wp.array2d[wp.vec4]
+    """(packet, block): bounds of the points of rays; None for pixels."""
+    eyes: wp.array2d[wp.float64]
+    """(packet, word): `TableEye`; this and the next two are None if all rays start at the camera."""
+    asides: wp.array2d[wp.vec2]
+    """(packet, pixel): intersection of the ray with the eye's plane."""
+    begins: wp.array2d[float]
+    """(packet, pixel): distance from that plane to the ray's origin."""
+    pixels: int
+    """Number of pixels of a view."""
+
+
+# C++ that renders a packet: of pixels of a pinhole camera, of points of its image, and of a ray bundle.
+PIXELS = """warpvis::Packets::cast(warpvis::Scene::of(scene, worlds, found, view),
                        warpvis::View::of(camera, poses, view, cull_backfaces), warpvis::Images::of(images, scene),
                        packet_x, packet_y, memory);
+"""
+POINTS = """warpvis::PointPacket::cast(warpvis::Scene::of(scene, worlds, found, view),
+                           warpvis::View::of(camera, poses, view, cull_backfaces),
+                           warpvis::PointList::of(rays, view), warpvis::Warp::uniform(packet_y),
+                           warpvis::Images::of(images, scene), memory);
+"""
+BUNDLE = """warpvis::TablePacket::of(rays, warpvis::Warp::uniform(packet_y))
+    .cast(warpvis::Scene::of(scene, worlds, found, view),
+          warpvis::TablePacket::view_of(camera, poses, view, cull_backfaces), warpvis::Images::of(images, scene),
+          memory);
 """
 
 FIND_OBJECT = """
@@ -73,13 +112,8 @@ def native_options(
     ray_table: bool = False,
     points: int = 0,
     origins: bool = False,
-    constants: str = "",
 ) -> wp.ModuleBuildOptions:
-    """Return the build options of a kernel for packets; see `make_packet_kernel`.
-
-    If `ray_table`, rays are read from a ray bundle, and have distinct origins if `origins`. If `points` is positive,
-    packets consist of that many points of the image or of the bundle.
-    """
+    """Return the build options of a kernel for packets; see `make_packet_kernel` and `make_ray_packet_kernel`."""
     values = {
         "PACKET_WIDTH": packet_width(side),
         "PACKET_HEIGHT": side,
@@ -95,9 +129,11 @@ def native_options(
         "RAY_TABLE": ray_table or points > 0,
         "POINT_BLOCKS": points // CUDA_LANES,
         "RAY_ORIGINS": origins,
+        "TABLE_FRAME_WORDS": FRAME_WORDS,
+        "TABLE_EYE_WORDS": EYE_WORDS,
     }
     text = "".join(f"constexpr int {name} = {int(value)};\n" for name, value in values.items())
-    return include_native(header, cuda=True, constants=text + constants)
+    return include_native(header, cuda=True, constants=text)
 
 
 def packet_width(side: int) -> int:
@@ -105,32 +141,35 @@ def packet_width(side: int) -> int:
     return max(side, min(2 * side, 4))
 
 
-@wp.func_native(CAST)
-def cast_packet(
-    scene: BvhScene,
-    camera: PinholeCamera,
-    poses: wp.array[wp.transform],
-    worlds: Worlds,
-    found: FoundObjects,
-    view: int,
-    packet_y: int,
-    packet_x: int,
-    cull_backfaces: bool,
-    images: Images,
-): ...
+def cast_function(call: str, camera_type: type, rays_type: type) -> wp.Function:
+    """Return the native function that renders a packet by `PIXELS`, `POINTS` or `BUNDLE`."""
+    body = f"""
+__shared__ warpvis::WarpMemory memory;
+view = warpvis::Warp::uniform(view);
+{call}"""
+
+    @wp.func_native(body)
+    def cast_packet(
+        scene: BvhScene,
+        camera: camera_type,
+        poses: wp.array[wp.transform],
+        worlds: Worlds,
+        found: FoundObjects,
+        rays: rays_type,
+        view: int,
+        packet_y: int,
+        packet_x: int,
+        cull_backfaces: bool,
+        images: Images,
+    ): ...
+
+    return cast_packet
 
 
-def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False) -> wp.Kernel:
-    """Make a kernel for packets, which every thread of a warp runs.
-
-    Args:
-        side: Packet height; see `packet_width`.
-        with_id: Whether normals, labels or objects may be requested.
-        movable: Whether the scene may have movable objects.
-        clip: Whether surfaces nearer than the camera's `near` are invisible.
-        resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
-    """
-    options = native_options("cuda/packets.h", side, with_id, movable, resized, clip=clip)
+def _make_kernel(
+    call: str, camera_type: type, rays_type: type, movable: bool, options: wp.ModuleBuildOptions
+) -> wp.Kernel:
+    cast_packet = cast_function(call, camera_type, rays_type)
 
     # More registers reduce occupancy too much; fewer cause too many spills.
     @wp.kernel(
@@ -144,11 +183,12 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         # Scene:
         scene: BvhScene,
         # Cameras:
-        camera: PinholeCamera,
+        camera: camera_type,
         camera_to_world: wp.array[wp.transform],
         # In:
         worlds: Worlds,
         found: FoundObjects,
+        rays: rays_type,
         cull_backfaces: bool,
         # Out:
         images_out: Images,
@@ -156,7 +196,8 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         """Write the requested images (None is skipped); 32 threads per packet.
 
         Rows of packets of all views are interleaved. Packets at the horizon take longest, in all views alike; the last
-        packets of a launch are from the bottom rows, which finish together.
+        packets of a launch are from the bottom rows, which finish together. Packets of points and of ray bundles are in
+        one column.
         """
         packet_y, view, packet_x, _ = wp.tid()
         cast_packet(
@@ -165,6 +206,7 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
             camera_to_world,
             worlds,
             found,
+            rays,
             view,
             packet_y,
             packet_x,
@@ -173,6 +215,38 @@ def make_packet_kernel(side: int, with_id: bool, movable: bool, clip: bool, resi
         )
 
     return cast_packets_cuda
+
+
+def make_packet_kernel(
+    side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False, points: int = 0
+) -> wp.Kernel:
+    """Make a kernel for packets of pixels or image points, which every thread of a warp runs.
+
+    Args:
+        side: Packet height; see `packet_width`. It is 32 for points.
+        with_id: Whether normals, labels or objects may be requested.
+        movable: Whether the scene may have movable objects.
+        clip: Whether surfaces nearer than the camera's `near` are invisible.
+        resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
+        points: If positive, packets consist of 64, 256 or 1024 points of `rays`. Otherwise the kernel ignores `rays`.
+    """
+    header, call = ("cuda/points.h", POINTS) if points else ("cuda/packets.h", PIXELS)
+    options = native_options(header, side, with_id, movable, resized, clip=clip, points=points)
+    return _make_kernel(call, PinholeCamera, PointLists, movable, options)
+
+
+def make_ray_packet_kernel(
+    side: int, with_id: bool, movable: bool, resized: bool = False, points: int = 0, origins: bool = False
+) -> wp.Kernel:
+    """Make a kernel for packets of a ray bundle; see `make_packet_kernel`.
+
+    A packet is a square image of a side with one ray per pixel or, if `points` is positive, that many rays anywhere in
+    such an image. If `origins`, rays have distinct origins near the camera; otherwise all start at the camera.
+    """
+    options = native_options(
+        "cuda/table.h", side, with_id, movable, resized, ray_table=True, points=points, origins=origins
+    )
+    return _make_kernel(BUNDLE, RayRange, RayPackets, movable, options)
 
 
 @wp.func_native(FIND_OBJECT)

@@ -36,7 +36,7 @@ struct TablePacket {
     TableEye eye;
     RayStarts starts;
 
-    // A packet of a `RayPackets` of kernels/casting/ray_bundle_packets_cuda.py.
+    // A packet of a `RayPackets` of kernels/casting/packets_cuda.py.
     template <class RayPackets>
     static inline TablePacket of(const RayPackets& packets, int packet) {
         const long long first = (long long)packet * SLOTS;

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.kernels.casting.ray_bundle_packets_cuda import FRAME_WORDS
+from warpvis.kernels.casting.packets_cuda import FRAME_WORDS
 from warpvis.kernels.constants import CUDA_LANES
 
 POINTS_SIDE = 32

@@ -39,6 +39,7 @@ class _PackedLaunch:
         """Pack a launch; `packets` is the number of rows and columns of packets."""
         from warpvis.kernels.casting.packets import BvhScene
         from warpvis.kernels.casting.packets_cuda import FoundObjects
+        from warpvis.kernels.casting.point_order import PointLists
         from warpvis.kernels.casting.worlds import Worlds
 
         views = kind[-1]
@@ -47,7 +48,7 @@ class _PackedLaunch:
         poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # placeholder address
         self._poses, self._scene, self._worlds = poses.__ctype__(), _Assigned(scene), _Assigned(worlds)
         self._found = _Assigned(found)
-        inputs = [scene, camera, poses, worlds, found, cull, self._images.struct]
+        inputs = [scene, camera, poses, worlds, found, PointLists(), cull, self._images.struct]
         size = (packets[0], views, packets[1], CUDA_LANES)
         self._launch = launch(_kernel(*kind[:-1]), size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
 

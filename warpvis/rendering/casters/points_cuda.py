@@ -70,7 +70,7 @@ def _cast(scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatc
     size = packet_size(pixels.size, pixels.device.sm_count)
     launch(
         _kernel(size, needs_ids(images), moving, clip, moving and worlds.object_sizes is not None),
-        (packet_count(lists, size), views.count, CUDA_LANES),
+        (packet_count(lists, size), views.count, 1, CUDA_LANES),
         [
             scene,
             camera.device_struct(clip_near=clip),
@@ -165,6 +165,6 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
 
 @cache
 def _kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
-    from warpvis.kernels.casting.point_packets_cuda import make_point_packet_kernel
+    from warpvis.kernels.casting.packets_cuda import make_packet_kernel
 
-    return make_point_packet_kernel(points, with_id, movable, clip, resized)
+    return make_packet_kernel(32, with_id, movable, clip, resized, points)

@@ -52,7 +52,7 @@ class CudaRayBundleCaster(RayBundleCaster):
         for side, points, packets in kinds:
             launch(
                 _kernel(side, with_id, moving, resized, points, origins),
-                (packets.frame.shape[0], views.count, CUDA_LANES),
+                (packets.frame.shape[0], views.count, 1, CUDA_LANES),
                 [scene, lens, poses, worlds, nothing_found(), packets, self._options.cull_backfaces, outputs],
                 self._scene.device,
                 block_dim=CUDA_LANES,
@@ -77,6 +77,6 @@ class CudaRayBundleCaster(RayBundleCaster):
 
 @cache
 def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int, origins: bool) -> wp.Kernel:
-    from warpvis.kernels.casting.ray_bundle_packets_cuda import make_ray_packet_kernel
+    from warpvis.kernels.casting.packets_cuda import make_ray_packet_kernel
 
     return make_ray_packet_kernel(side, with_id, movable, resized, points, origins)

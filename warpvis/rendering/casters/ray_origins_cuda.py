@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.kernels.casting.ray_bundle_packets_cuda import EYE_WORDS
+from warpvis.kernels.casting.packets_cuda import EYE_WORDS
 from warpvis.rendering.casters.packet_images_cuda import PacketImages
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not

@@ -21,7 +21,7 @@ from warpvis.rendering.casters.ray_origins_cuda import find_eyes, group_rows
 from warpvis.rendering.casters.sorted_rays_cpu import split_rays
 
 if TYPE_CHECKING:
-    from warpvis.kernels.casting.ray_bundle_packets_cuda import RayPackets
+    from warpvis.kernels.casting.packets_cuda import RayPackets
 
 # Sides of packets [px]; large packets are faster if one view has enough of them.
 _LARGE_SIDE, _SMALL_SIDE = 32, 16
@@ -132,7 +132,7 @@ class _Maker:
 
     def _put(self, images: PacketImages, order: NDArray[np.int64]) -> RayPackets:
         """Copy packets to the device, with slots in the order of the z-buffer."""
-        from warpvis.kernels.casting.ray_bundle_packets_cuda import RayPackets
+        from warpvis.kernels.casting.packets_cuda import RayPackets
 
         packets, device = RayPackets(), self._device
         packets.frame = wp.array(images.frames(), dtype=wp.float64, device=device)
