@@ -11,7 +11,7 @@ _FOLDER = Path(__file__).parent / "native"
 _INCLUDE = re.compile(r'#include "(.+)"')
 
 CPU_NUMBERS = "PixelLanes"
-"""Numbers of formulas that `include_for_pixels` compiles for the CPU."""
+"""Numbers of formulas that `pixel_options` compiles for the CPU."""
 
 
 def include_native(*names: str, cuda: bool = False, constants: str = "") -> wp.ModuleBuildOptions:
@@ -48,13 +48,16 @@ def _expand(names: tuple[str, ...], seen: set[str]) -> str:
     return text
 
 
-def include_for_pixels(*names: str) -> wp.ModuleBuildOptions:
-    """Return build options of a module whose formulas compute 16 pixels of a row at a time on the CPU, and one on CUDA.
+def pixel_options(*names: str) -> dict[str, bool | wp.ModuleBuildOptions]:
+    """Return options of a module whose formulas compute 16 pixels of a row at a time on the CPU, and one on CUDA.
 
     They are templates of the type of numbers, `PixelLanes` or `OnePixel`; for each device, ``PixelNumbers`` is one.
+    Products and sums are not fused, so that CPU and CUDA compute the same bits.
     """
     cpu = include_native("cpu/random_lanes.h", *names, constants=_pixel_numbers(CPU_NUMBERS))
-    return cpu.merged(include_native("shared/random.h", *names, cuda=True, constants=_pixel_numbers("OnePixel")))
+    cuda = include_native("shared/random.h", *names, cuda=True, constants=_pixel_numbers("OnePixel"))
+    options = {"enable_backward": False, "default_grid_stride": False, "fuse_fp": False}
+    return options | {"extra_build_options": cpu.merged(cuda)}
 
 
 def _pixel_numbers(name: str) -> str:

@@ -96,7 +96,7 @@ def check_module(name: str, source: str) -> Iterator[str]:
         yield f"{name}: imports must be of {', '.join(sorted(allowed))}, got {', '.join(sorted(imported - allowed))}"
     if "@wp.kernel" in source:
         options = [ast.unparse(node) for node in tree.body if "set_module_options" in ast.unparse(node)]
-        if len(options) != 1 or "'enable_backward': False" not in options[0]:
+        if len(options) != 1 or not ("'enable_backward': False" in options[0] or "pixel_options(" in options[0]):
             yield f"{name}: a module with kernels must set enable_backward to False, once"
     for node in functions(tree, "wp.func"):
         yield from (f"{name}.{node.name}: {fault}" for fault in check_types(node))

@@ -52,7 +52,7 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("cpu/random_lanes.h", "random_numbers sensor_rows stereo"),
     ("shared/random*.h", "random_numbers sensor_rows stereo"),
     ("shared/scalar.h", "random_numbers stereo"),
-    ("shared/stereo*.h", "stereo"),
+    ("shared/stereo.h", "stereo"),
     ("cpu/depth_rows.h", "classify lens_visibility"),
     # Headers of the BVH builder.
     ("cpu/bvh_*.h", "bvh packets refit"),

@@ -14,20 +14,13 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.threads import launch_images
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.sensors import random_numbers
 from warpvis.rendering import DepthSensor
 from warpvis.sensors import Reason
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/random.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/random.h"))
 
 CAMERA = wv.Camera.from_fov(45, 30, hfov=1.2, near=0.5, far=3.0)
 EXACT = ("depth", "points", "normals", "labels", "segmentation")

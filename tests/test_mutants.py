@@ -94,7 +94,7 @@ def test_every_file_has_tests():
 @pytest.mark.parametrize(
     ("path", "first"),
     [
-        ("kernels/native/shared/stereo_rows.h", "stereo"),
+        ("kernels/native/shared/stereo.h", "stereo"),
         ("kernels/native/cpu/remap_tree.h", "remap"),
         ("kernels/native/cpu/raster.h", "exact_pixels"),
         ("warpvis/rendering/_sensing.py", "depth_sensor"),

@@ -14,7 +14,7 @@ from gpu_code import gpu_code
 from scipy import stats
 
 from warpvis.core.threads import WHOLE_ROW, launch_images
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window
 from warpvis.kernels.sensors import random_numbers
 
@@ -22,14 +22,7 @@ ROOT = Path(__file__).parent.parent
 SHAPE = (3, 37, 54)
 SEED, STREAM = 0xDEADBEEF, 7
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/random.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/random.h"))
 
 
 @wp.func_native(
@@ -239,13 +232,14 @@ def test_random_number_modules_disable_fp_fusion():
     users = []
     for path in (ROOT / "kernels").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
-        if "random_numbers" not in text and "import include_for_pixels" not in text:
+        if "random_numbers" not in text and "import pixel_options" not in text:
             continue
         calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
         options = [ast.unparse(call) for call in calls if "set_module_options" in ast.unparse(call.func)]
-        assert any("'fuse_fp': False" in text for text in options), path
+        assert any("'fuse_fp': False" in text or "pixel_options(" in text for text in options), path
         users.append(path)
     assert users
+    assert pixel_options("shared/random.h")["fuse_fp"] is False
 
 
 @pytest.mark.slow

@@ -5,19 +5,12 @@
 import warp as wp
 
 from warpvis.kernels.constants import STREAM_RECTANGLES
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 from warpvis.kernels.sensors.random_numbers import random_word, to_uniform
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/corruptions.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/corruptions.h"))
 
 
 @wp.struct

@@ -5,6 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.sensors.noise import SensorInputs
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
 
@@ -16,15 +17,6 @@ class FatteningModel:
     disparity_scale: float  # f b [px m]
     step: float  # smallest difference in disparity between two surfaces [px]
     reach: int  # half width of the window [px]
-
-
-@wp.struct
-class Surfaces:
-    """Images of the visible surfaces; normals and segmentation may be empty."""
-
-    depth: wp.array3d[float]
-    normals: wp.array3d[wp.vec3]
-    segmentation: wp.array3d[wp.int32]
 
 
 @wp.func
@@ -56,7 +48,7 @@ def fatten_surfaces(
     window: Window,
     # In:
     model: FatteningModel,
-    surfaces: Surfaces,
+    inputs: SensorInputs,
     nearest: wp.array3d[float],
     offsets: wp.array[wp.vec2i],
     # Out:
@@ -71,8 +63,8 @@ def fatten_surfaces(
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    height, width = surfaces.depth.shape[1], surfaces.depth.shape[2]
-    depth = surfaces.depth[view, y, x]
+    height, width = inputs.true_depth.shape[1], inputs.true_depth.shape[2]
+    depth = inputs.true_depth[view, y, x]
     nearest_depth = float(wp.inf)
     for row in range(wp.max(y - model.reach, 0), wp.min(y + model.reach + 1, height)):
         nearest_depth = wp.min(nearest_depth, nearest[view, row, x])
@@ -81,12 +73,12 @@ def fatten_surfaces(
         for number in range(offsets.shape[0]):
             column, row = x + offsets[number][0], y + offsets[number][1]
             if row >= 0 and column >= 0 and row < height and column < width:
-                if is_before(model, surfaces.depth[view, row, column], depth):
+                if is_before(model, inputs.true_depth[view, row, column], depth):
                     from_row = row
                     from_column = column
                     break
-    depth_out[view, y, x] = surfaces.depth[view, from_row, from_column]
+    depth_out[view, y, x] = inputs.true_depth[view, from_row, from_column]
     if normals_out:
-        normals_out[view, y, x] = surfaces.normals[view, from_row, from_column]
+        normals_out[view, y, x] = inputs.normals[view, from_row, from_column]
     if segmentation_out:
-        segmentation_out[view, y, x] = surfaces.segmentation[view, from_row, from_column]
+        segmentation_out[view, y, x] = inputs.segmentation[view, from_row, from_column]

@@ -4,18 +4,11 @@
 
 import warp as wp
 
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, forward_axis, locate, pose_rotation
 from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/kinect.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/kinect.h"))
 
 
 @wp.struct

@@ -28,9 +28,17 @@ class MeasuredImages:
     reasons: wp.array3d[wp.uint8]
 
 
-@wp.func_native("return warpvis::SensorRange<warpvis::OnePixel>{near, far}.report(depth);")
-def limit_depth(near: float, far: float, depth: float) -> float: ...
+@wp.func_native("return warpvis::SensorRange<warpvis::OnePixel>{camera.near, camera.far}.report(depth);")
+def limit_depth(camera: PinholeCamera, depth: float) -> float: ...
 
 
 @wp.func_native("return warpvis::SensorRange<warpvis::OnePixel>::reason(depth);")
 def range_reason(depth: float) -> int: ...
+
+
+@wp.func
+def write_pixel(images_out: MeasuredImages, view: int, y: int, x: int, depth: float, reason: int):
+    """Write the measured depth of a pixel and its reason, if requested."""
+    images_out.depth[view, y, x] = depth
+    if images_out.reasons:
+        images_out.reasons[view, y, x] = wp.uint8(reason)

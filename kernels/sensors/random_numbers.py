@@ -4,23 +4,16 @@
 
 Philox4x32-10 computes four words from the counter (x // 4, y, view, frame), which four adjacent pixels share; its key
 is (seed, stream). Each purpose has a separate stream, so that no two uses of a pixel have the same numbers. Modules
-with kernels that use these functions must be compiled with ``"fuse_fp": False``, so that CPU and CUDA compute the same
-bits, and with ``"extra_build_options": include_for_pixels("shared/random.h")`` of ``kernels/native_source.py``.
+with kernels that use these functions must be compiled with ``pixel_options("shared/random.h")`` of
+``kernels/native_source.py``, so that CPU and CUDA compute the same bits.
 """
 
 import warp as wp
 
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/random.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/random.h"))
 
 
 @wp.func_native(

@@ -5,18 +5,11 @@
 import warp as wp
 
 from warpvis.kernels.constants import REASON_DROPOUT, REASON_EMPTY, REASON_RANGE
-from warpvis.kernels.native_source import include_for_pixels
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate
-from warpvis.kernels.sensors.noise import limit_depth, range_reason
+from warpvis.kernels.native_source import pixel_options
+from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs, limit_depth, range_reason, write_pixel
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/noise.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/noise.h"))
 
 FARTHEST = wp.constant(10.0)
 """Surfaces at this depth or beyond are out of range [m]."""
@@ -69,28 +62,25 @@ def distortion_of(table: wp.array3d[float], y: int, x: int, depth: float) -> flo
 
 @wp.kernel
 def measure_redwood(
-    # Cameras:
-    camera: PinholeCamera,
     window: Window,
     # In:
     model: RedwoodModel,
     table: wp.array3d[float],
-    true_depth: wp.array3d[float],
+    inputs: SensorInputs,
     normals_across: wp.array3d[float],
     normals_down: wp.array3d[float],
     normals: wp.array3d[float],
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write distorted depth of every second pixel, as quantized disparity with noise; reasons may be None."""
+    """Write distorted depth of every second pixel, as quantized disparity with noise."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    height, width = true_depth.shape[1], true_depth.shape[2]
+    height, width = inputs.true_depth.shape[1], inputs.true_depth.shape[2]
     jitter = JITTER * model.multiplier
     row = moved(y, jitter * normals_down[view, y, x], height)
     column = moved(x, jitter * normals_across[view, y, x], width)
-    depth = float(true_depth[view, row - row % 2, column - column % 2])
+    depth = float(inputs.true_depth[view, row - row % 2, column - column % 2])
     reason = int(REASON_EMPTY)
     if wp.isfinite(depth):
         reason = REASON_RANGE
@@ -108,8 +98,6 @@ def measure_redwood(
                 levels = wp.rint((DISPARITY_SCALE * factor / depth + noise) * LEVELS)
                 # Depth is infinite below the first step of disparity.
                 depth = wp.where(levels > 0.0, DISPARITY_SCALE * LEVELS / levels, wp.inf)
-                depth = limit_depth(camera.near, camera.far, depth)
+                depth = limit_depth(inputs.camera, depth)
                 reason = range_reason(depth)
-    depth_out[view, y, x] = depth
-    if reasons_out:
-        reasons_out[view, y, x] = wp.uint8(reason)
+    write_pixel(images_out, view, y, x, depth, reason)

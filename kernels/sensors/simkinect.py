@@ -8,18 +8,11 @@ Disparities are integers in 1/8 px throughout, so that sums over windows are exa
 import warp as wp
 
 from warpvis.kernels.constants import REASON_EDGE, REASON_EMPTY
-from warpvis.kernels.native_source import include_for_pixels
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate
-from warpvis.kernels.sensors.noise import limit_depth, range_reason
+from warpvis.kernels.native_source import pixel_options
+from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs, limit_depth, range_reason, write_pixel
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/noise.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/noise.h"))
 
 LEVELS = wp.constant(8.0)
 """Disparity levels per pixel."""
@@ -125,20 +118,17 @@ def detect_dots(
 
 @wp.kernel
 def fill_from_dots(
-    # Cameras:
-    camera: PinholeCamera,
     window: Window,
     # In:
     model: SimKinectModel,
-    true_depth: wp.array3d[float],
+    inputs: SensorInputs,
     detected: wp.array3d[int],
     nearest: wp.array[wp.vec2i],
     normals: wp.array3d[float],
     # Out:
-    depth_out: wp.array3d[float],
-    reasons_out: wp.array3d[wp.uint8],
+    images_out: MeasuredImages,
 ):
-    """Write the depth of the nearest detected dot, as quantized disparity with noise; reasons may be None.
+    """Write the depth of the nearest detected dot, as quantized disparity with noise.
 
     `nearest` contains column and row offsets by increasing distance; equal distances are in row-major order.
     """
@@ -157,11 +147,9 @@ def fill_from_dots(
         units = wp.rint(model.disparity_scale / (float(level) / LEVELS) * model.units)
         steps = wp.rint(STEPS_AT_UNIT / units + model.sigma * normals[view, y, x] + 0.5)
         # Depth is infinite below the first step of disparity.
-        depth = limit_depth(camera.near, camera.far, wp.where(steps > 0.0, STEPS_AT_UNIT / steps / model.units, wp.inf))
+        depth = limit_depth(inputs.camera, wp.where(steps > 0.0, STEPS_AT_UNIT / steps / model.units, wp.inf))
         reason = range_reason(depth)
-    elif wp.isfinite(true_depth[view, y, x]):
+    elif wp.isfinite(inputs.true_depth[view, y, x]):
         depth = wp.nan
         reason = REASON_EDGE
-    depth_out[view, y, x] = depth
-    if reasons_out:
-        reasons_out[view, y, x] = wp.uint8(reason)
+    write_pixel(images_out, view, y, x, depth, reason)

@@ -5,18 +5,11 @@
 import warp as wp
 
 from warpvis.kernels.constants import BLOCK_SIDE
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate, pose_rotation
 from warpvis.kernels.sensors.noise import SensorInputs
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/time_of_flight.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/time_of_flight.h"))
 
 SIDE = wp.constant(BLOCK_SIDE)  # of the square of sub-rays of a pixel: the sub-rays of one pixel fill one packet
 SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)

@@ -7,19 +7,12 @@ Phases are in cycles, computed in double precision by polynomials, so that all d
 
 import warp as wp
 
-from warpvis.kernels.native_source import include_for_pixels
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, image_ray, locate
 from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 from warpvis.kernels.sensors.sub_rays import SIDE, SUB_RAYS, TILE_PIXELS, sub_ray_corner
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "fuse_fp": False,
-        "extra_build_options": include_for_pixels("shared/time_of_flight.h"),
-    }
-)
+wp.set_module_options(pixel_options("shared/time_of_flight.h"))
 
 
 @wp.struct

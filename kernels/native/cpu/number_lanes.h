@@ -79,16 +79,13 @@ struct PixelLanes {
         triple[1] = __builtin_shufflevector(y, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30);
         triple[2] = __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31);
     }
-    static inline void store(float* to, Floats value, int count) {
-        __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(float));
-    }
-    static inline void store(int* to, Ints value, int count) {
-        __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(int));
+    template <class Number, class Numbers>
+    static inline void store(Number* to, Numbers value, int count) {
+        __builtin_memcpy(to, &value, (count < LANES ? count : LANES) * sizeof(Number));
     }
     static inline void store(unsigned char* to, Ints value, int count) {
         typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
-        const Bytes bytes = __builtin_convertvector(value, Bytes);
-        __builtin_memcpy(to, &bytes, count < LANES ? count : LANES);
+        store<unsigned char>(to, __builtin_convertvector(value, Bytes), count);
     }
     static inline void store_pairs(float* to, Floats first, Floats second, int count) {
         const Floats low =

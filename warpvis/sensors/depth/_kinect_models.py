@@ -169,13 +169,12 @@ class RedwoodNoise(ByValue, DepthSensor):
         """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sensors.redwood import RedwoodModel, measure_redwood
 
-        model, camera, device = RedwoodModel(), exposure.camera.device_struct(), exposure.scene.device
+        model = RedwoodModel()
         model.multiplier = self.multiplier
-        table = wp.array(self.distortion, dtype=wp.float32, device=device)
+        table = wp.array(self.distortion, dtype=wp.float32, device=exposure.scene.device)
         streams = {"across": STREAM_ACROSS, "down": STREAM_DOWN, "disparity": STREAM_DISPARITY}
         normals = [draw_normal_image(exposure, stream, name) for name, stream in streams.items()]
-        inputs = model, table, exposure.true_depth, *normals, exposure.depth_out, exposure.reasons_out
-        exposure.launch(measure_redwood, *inputs, cameras=[camera])
+        exposure.launch(measure_redwood, model, table, kernel_inputs(exposure), *normals, kernel_images(exposure))
 
 
 def _read_table(value: object) -> NDArray[np.float32]:
@@ -275,7 +274,7 @@ class SimKinect(ByValue, DepthSensor):
         from warpvis.kernels.sensors.simkinect import SimKinectModel, detect_dots, fill_from_dots, shift_to_levels
 
         lens, device, shape = exposure.camera, exposure.scene.device, exposure.true_depth.shape
-        model, camera = SimKinectModel(), lens.device_struct()
+        model = SimKinectModel()
         model.disparity_scale = (lens.fx if self.focal_length is None else self.focal_length) * self.baseline
         model.shift, model.units, model.sigma = self.shift, self.units, self.sigma
         pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
@@ -288,8 +287,8 @@ class SimKinect(ByValue, DepthSensor):
         exposure.launch(shift_to_levels, model, exposure.true_depth, across, down, levels)
         exposure.launch(detect_dots, dots, levels, detected)
         noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
-        inputs = model, exposure.true_depth, detected, nearest, noise
-        exposure.launch(fill_from_dots, *inputs, exposure.depth_out, exposure.reasons_out, cameras=[camera])
+        inputs, images = kernel_inputs(exposure), kernel_images(exposure)
+        exposure.launch(fill_from_dots, model, inputs, detected, nearest, noise, images)
 
 
 def make_pattern(height: int, width: int) -> NDArray[np.uint8]:

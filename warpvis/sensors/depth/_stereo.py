@@ -21,7 +21,14 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.kernels.constants import STREAM_DISPARITY
 from warpvis.rendering import Exposure
 from warpvis.scene import Scene
-from warpvis.sensors.depth._base import Device, check_positive, closest_first, draw_normal_image, kernel_images
+from warpvis.sensors.depth._base import (
+    Device,
+    check_positive,
+    closest_first,
+    draw_normal_image,
+    kernel_images,
+    kernel_inputs,
+)
 
 if TYPE_CHECKING:
     from warpvis.kernels.sensors.stereo import StereoModel
@@ -266,28 +273,17 @@ def _check_at_most(value: int, name: str, maximum: int) -> None:
 
 def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exposure:
     """Return the exposure with nearer surfaces spread over farther ones, up to a reach [px]; see `FatteningModel`."""
-    from warpvis.kernels.sensors.fattening import FatteningModel, Surfaces, fatten_surfaces, find_nearest_in_rows
+    from warpvis.kernels.sensors.fattening import FatteningModel, fatten_surfaces, find_nearest_in_rows
 
-    shape, device = exposure.true_depth.shape, exposure.scene.device
-    model, seen = FatteningModel(), Surfaces()
+    device = exposure.scene.device
+    model, inputs = FatteningModel(), kernel_inputs(exposure)
     model.disparity_scale, model.step, model.reach = scale, step, reach
-    fattened: dict[str, wp.array] = {}
-    for name, image in (
-        ("depth", exposure.true_depth),
-        ("normals", exposure.normals),
-        ("segmentation", exposure.segmentation),
-    ):
-        if image is not None:
-            setattr(seen, name, image)
-            fattened[name] = exposure.scratch(f"fattened {name}", shape, image.dtype)
-    nearest = exposure.scratch("nearest of rows", shape, wp.float32)
+    fattened: dict[str, wp.array | None] = {}
+    for name in ("true_depth", "normals", "segmentation"):
+        image = getattr(exposure, name)
+        fattened[name] = None if image is None else exposure.scratch(f"fattened {name}", image.shape, image.dtype)
+    nearest = exposure.scratch("nearest of rows", exposure.true_depth.shape, wp.float32)
     offsets = wp.array(closest_first(reach), dtype=wp.vec2i, device=device)
     exposure.launch(find_nearest_in_rows, model, exposure.true_depth, nearest)
-    outputs = (fattened.get(name) for name in ("depth", "normals", "segmentation"))
-    exposure.launch(fatten_surfaces, model, seen, nearest, offsets, *outputs)
-    return dataclasses.replace(
-        exposure,
-        true_depth=fattened["depth"],
-        normals=fattened.get("normals"),
-        segmentation=fattened.get("segmentation"),
-    )
+    exposure.launch(fatten_surfaces, model, inputs, nearest, offsets, *fattened.values())
+    return dataclasses.replace(exposure, **fattened)
