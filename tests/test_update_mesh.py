@@ -13,7 +13,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.errors import SceneError
-from warpvis.kernels.bvh.items_cuda import check_mesh
+from warpvis.kernels.bvh.ranges_cuda import check_mesh
 from warpvis.scene import _updates, solids
 from warpvis.scene.acceleration import geometry, scene_trees, tree_cache
 from warpvis.scene.acceleration.geometry import build_scene_bvh

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The BVH builder for CUDA: builds the binary tree level by level with one thread per item or range.
 
-It splits ranges as ``native/cpu/bvh_split.h`` does. `warpvis.kernels.bvh.items_cuda` creates the root,
+It splits ranges as ``native/cpu/bvh_split.h`` does. `warpvis.kernels.bvh.ranges_cuda` creates the root,
 `warpvis.kernels.bvh.nodes_cuda` converts the binary tree to wide nodes, and `warpvis.scene.acceleration.bvh_cuda`
 launches all kernels. Results do not depend on the order of threads.
 """

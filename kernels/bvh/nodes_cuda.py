@@ -7,7 +7,7 @@ leaves and nodes; see `warpvis.kernels.bvh.build_cuda`. Leaves and nodes have `C
 import warp as wp
 
 from warpvis.kernels.bvh.ranges_cuda import Binary
-from warpvis.kernels.bvh.refit import first_corner
+from warpvis.kernels.bvh.refit import first_corner, load_vec3
 from warpvis.kernels.constants import (
     CONE_AXIS_ROW,
     CONE_CUTOFF_ROW,
@@ -208,20 +208,15 @@ def fill_leaves(
 
 
 @wp.func
-def corner_of(leaves: wp.array3d[float], leaf: int, corner: int, lane: int) -> wp.vec3d:
-    row = 3 * corner
-    return wp.vec3d(
-        wp.float64(leaves[leaf, row, lane]),
-        wp.float64(leaves[leaf, row + 1, lane]),
-        wp.float64(leaves[leaf, row + 2, lane]),
-    )
+def exact(v: wp.vec3) -> wp.vec3d:
+    return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
 
 
 @wp.func
 def unit_normal(leaves: wp.array3d[float], leaf: int, lane: int) -> wp.vec3d:
     """Return the unit normal, zero for degenerate triangles. Single precision is inaccurate for slivers."""
-    a = corner_of(leaves, leaf, 0, lane)
-    normal = wp.cross(corner_of(leaves, leaf, 1, lane) - a, corner_of(leaves, leaf, 2, lane) - a)
+    a, b, c = load_vec3(leaves, leaf, 0, lane), load_vec3(leaves, leaf, 3, lane), load_vec3(leaves, leaf, 6, lane)
+    normal = wp.cross(exact(b) - exact(a), exact(c) - exact(a))
     squared = wp.dot(normal, normal)
     if not (squared > wp.float64(1.0e-300)):
         return wp.vec3d()
@@ -245,16 +240,6 @@ def rounded_axis(total: wp.vec3d) -> wp.vec3:
         return wp.vec3()
     axis = total / length
     return wp.vec3(float(axis[0]), float(axis[1]), float(axis[2]))
-
-
-@wp.func
-def exact(v: wp.vec3) -> wp.vec3d:
-    return wp.vec3d(wp.float64(v[0]), wp.float64(v[1]), wp.float64(v[2]))
-
-
-@wp.func
-def row_vector(nodes: wp.array3d[float], node: int, row: int, lane: int) -> wp.vec3:
-    return wp.vec3(nodes[node, row, lane], nodes[node, row + 1, lane], nodes[node, row + 2, lane])
 
 
 @wp.func
@@ -289,7 +274,7 @@ def fit_leaves(
         all_closed, total = bool(True), wp.vec3d()
         for k in range(CUDA_LANES):
             for corner in range(3):
-                vertex = row_vector(leaves, leaf, 3 * corner, k)
+                vertex = load_vec3(leaves, leaf, 3 * corner, k)
                 low, high = wp.min(low, vertex), wp.max(high, vertex)
             all_closed = all_closed and closed[owners[leaf, k]] != wp.uint8(0)
         if all_closed:
@@ -324,10 +309,10 @@ def fit_nodes(
     widest = float(0.0)
     for k in range(CUDA_LANES):
         if children[child, k] != 0:
-            low = wp.min(low, row_vector(nodes_out, child, NODE_LOW_ROW, k))
-            high = wp.max(high, row_vector(nodes_out, child, NODE_HIGH_ROW, k))
+            low = wp.min(low, load_vec3(nodes_out, child, NODE_LOW_ROW, k))
+            high = wp.max(high, load_vec3(nodes_out, child, NODE_HIGH_ROW, k))
             widest = wp.max(widest, nodes_out[child, CONE_CUTOFF_ROW, k])
-            total += exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k))
+            total += exact(load_vec3(nodes_out, child, CONE_AXIS_ROW, k))
     axis, cutoff = wp.vec3(), float(_NEVER)
     if widest < 1.0:
         axis = rounded_axis(total)
@@ -336,7 +321,7 @@ def fit_nodes(
         for k in range(CUDA_LANES):
             if children[child, k] != 0:
                 # A cone contains a child's cone if it covers the angle between the axes plus the child's half angle.
-                cosine_between = wp.min(wp.dot(exact(row_vector(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
+                cosine_between = wp.min(wp.dot(exact(load_vec3(nodes_out, child, CONE_AXIS_ROW, k)), exact(axis)), one)
                 sine = wp.float64(nodes_out[child, CONE_CUTOFF_ROW, k])
                 cosine = wp.sqrt(wp.max(one - sine * sine, wp.float64(0.0)))
                 sine_between = wp.sqrt(wp.max(one - cosine_between * cosine_between, wp.float64(0.0)))

@@ -81,9 +81,9 @@ def set_child_box(box: Aabb, slot: int, nodes_out: wp.array3d[float]):
 
 
 @wp.func
-def corner_of_child(nodes: wp.array3d[float], node: int, row: int, lane: int) -> wp.vec3:
-    """Return a corner of a child's box, whose coordinates are in three rows from `row` on."""
-    return wp.vec3(nodes[node, row, lane], nodes[node, row + 1, lane], nodes[node, row + 2, lane])
+def load_vec3(rows: wp.array3d[float], index: int, row: int, lane: int) -> wp.vec3:
+    """Return a vector of a node or a leaf, whose coordinates are in three rows from `row` on."""
+    return wp.vec3(rows[index, row, lane], rows[index, row + 1, lane], rows[index, row + 2, lane])
 
 
 @wp.kernel
@@ -141,8 +141,8 @@ def refit_nodes(
 
     box = no_box()
     for lane in range(part, nodes_out.shape[2], parts):
-        box.low = wp.min(box.low, corner_of_child(nodes_out, node, NODE_LOW_ROW, lane))
-        box.high = wp.max(box.high, corner_of_child(nodes_out, node, NODE_HIGH_ROW, lane))
+        box.low = wp.min(box.low, load_vec3(nodes_out, node, NODE_LOW_ROW, lane))
+        box.high = wp.max(box.high, load_vec3(nodes_out, node, NODE_HIGH_ROW, lane))
     box = box_of_parts(box)
     if part == 0:
         slot = node_slots[node]

@@ -100,7 +100,7 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
 
 def _mesh_on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.Device) -> Mesh:
     """Copy a mesh that is on the scene's GPU, and check it there."""
-    from warpvis.kernels.bvh.items_cuda import check_mesh as find_bad
+    from warpvis.kernels.bvh.ranges_cuda import check_mesh as find_bad
 
     corners = wp.clone(_on_device(vertices, wp.vec3, "n", f"vertices of {name!r}", device))
     triangles = wp.clone(_on_device(faces, wp.vec3i, "m", f"faces of {name!r}", device))

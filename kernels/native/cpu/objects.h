@@ -20,21 +20,12 @@ struct OrientedBoxes {
     }
     static inline Floats narrow(Doubles value) { return __builtin_convertvector(value, Floats); }
 
-    // As `Pose::axes_of`, with one object per lane and quaternions of any norm: the body of a function cannot contain
-    // templates.
+    // Axes of one object per lane, with quaternions of any norm.
     static inline void axes(const float* row, int last, Doubles (*axis)[3]) {
         const Doubles x = column(row + 3, POSE_WORDS, last), y = column(row + 4, POSE_WORDS, last),
                       z = column(row + 5, POSE_WORDS, last), w = column(row + 6, POSE_WORDS, last);
         const Doubles s = 2.0 / ((x * x + y * y) + (z * z + w * w));
-        axis[0][0] = 1.0 - s * (y * y + z * z);
-        axis[0][1] = s * (x * y + z * w);
-        axis[0][2] = s * (x * z - y * w);
-        axis[1][0] = s * (x * y - z * w);
-        axis[1][1] = 1.0 - s * (x * x + z * z);
-        axis[1][2] = s * (y * z + x * w);
-        axis[2][0] = s * (x * z + y * w);
-        axis[2][1] = s * (y * z - x * w);
-        axis[2][2] = 1.0 - s * (x * x + y * y);
+        Pose::axes_of(x, y, z, w, s, axis);
     }
 
     // Stretch factors of the objects from `first` on, one per lane.

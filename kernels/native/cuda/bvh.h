@@ -112,6 +112,9 @@ struct Box {
     static inline float side(const float* value, float factor) {
         return RESIZED ? __fmul_rn(__ldg(value), factor) : __ldg(value);
     }
+    static inline Vec3 corner(const float* values, Vec3 by) {
+        return Vec3{side(values, by.x), side(values + 1, by.y), side(values + 2, by.z)};
+    }
     // Whether a camera is inside a box (least and greatest corner), or so close to it that the near plane may cut the
     // box.
     static inline bool holds(const float* box, Vec3 by, Vec3 p, NearPlane near) {

@@ -89,7 +89,5 @@ struct Camera {
         return RESIZED ? fabsf(v.x * stretch.x) + fabsf(v.y * stretch.y) + fabsf(v.z * stretch.z)
                        : fabsf(v.x) + fabsf(v.y) + fabsf(v.z);
     }
-    inline Vec3 rotate(Vec3 p) const {
-        return Vec3{Vec3::dot(to_camera[0], p), Vec3::dot(to_camera[1], p), Vec3::dot(to_camera[2], p)};
-    }
+    inline Vec3 rotate(Vec3 p) const { return Vec3::rotated(to_camera, p); }
 };

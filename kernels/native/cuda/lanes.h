@@ -67,7 +67,16 @@ struct Vec3 {
         return Vec3{__fmaf_rn(a.y, b.z, -__fmul_rn(a.z, b.y)), __fmaf_rn(a.z, b.x, -__fmul_rn(a.x, b.z)),
                     __fmaf_rn(a.x, b.y, -__fmul_rn(a.y, b.x))};
     }
+    // The products of three rows and a vector.
+    static inline Vec3 rotated(const Vec3* rows, Vec3 v) {
+        return Vec3{dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)};
+    }
+    // A point at a distance along a ray.
+    static inline Vec3 along(Vec3 start, Vec3 ray, float z) {
+        return Vec3{__fmaf_rn(z, ray.x, start.x), __fmaf_rn(z, ray.y, start.y), __fmaf_rn(z, ray.z, start.z)};
+    }
 };
+static_assert(sizeof(Vec3) == 3 * sizeof(float), "rows of axes are read as numbers");
 
 struct Reciprocal {
     // Approximation of 1 / x, correct but for the last digit or two; not valid for values close to 0 or to infinity.

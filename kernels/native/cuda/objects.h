@@ -61,35 +61,26 @@ struct ObjectPass {
             MovedBox moved;
             Vec3 axis[3];
             const Vec3 origin = camera_in_frame(world, movables.pose(m), axis);
-            for (int i = 0; i < 3; ++i) moved.rows[i] = inside(axis, world.to_camera[i]);
+            for (int i = 0; i < 3; ++i) moved.rows[i] = Vec3::rotated(axis, world.to_camera[i]);
             const float* box = movables.box(m);
             // Margin for the rounding error of the origin.
             const float margin = MOVED_BOX_SLACK * (fabsf(origin.x) + fabsf(origin.y) + fabsf(origin.z));
             const Vec3 wider = {margin, margin, margin};
             const Vec3 factors = movables.factors(m);
-            const Vec3 box_low = {Box::side(box, factors.x), Box::side(box + 1, factors.y),
-                                  Box::side(box + 2, factors.z)};
-            const Vec3 box_high = {Box::side(box + 3, factors.x), Box::side(box + 4, factors.y),
-                                   Box::side(box + 5, factors.z)};
+            const Vec3 box_low = Box::corner(box, factors), box_high = Box::corner(box + 3, factors);
             moved.low = Vec3::minus(Vec3::minus(box_low, origin), wider);
             moved.high = Vec3::plus(Vec3::minus(box_high, origin), wider);
             return moved;
         }
     };
-    static inline Vec3 inside(const Vec3* axis, Vec3 v) {
-        return Vec3{Vec3::dot(axis[0], v), Vec3::dot(axis[1], v), Vec3::dot(axis[2], v)};
-    }
 
     // Position of the camera in the frame of an object, and that frame's axes in the world, in single precision.
     static inline Vec3 camera_in_frame(const Camera& world, const float* pose, Vec3* axis) {
         float x = __ldg(pose + 3), y = __ldg(pose + 4), z = __ldg(pose + 5), w = __ldg(pose + 6);
         const float scale = 1.0f / sqrtf(x * x + y * y + z * z + w * w);
         x *= scale, y *= scale, z *= scale, w *= scale;
-        // Same as Pose::axes_of, which uses double precision.
-        axis[0] = Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)};
-        axis[1] = Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)};
-        axis[2] = Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)};
-        return inside(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
+        Pose::axes_of(x, y, z, w, 2.0f, (float (*)[3])axis);
+        return Vec3::rotated(axis, Vec3::minus(world.origin, Vec3{__ldg(pose), __ldg(pose + 1), __ldg(pose + 2)}));
     }
 
     // Whether the near plane may cut an object open: then its triangles are drawn, even if it is a solid.
@@ -227,7 +218,8 @@ struct ObjectPass {
         const MovedBox box = MovedBox::of(world, movables, m);
         const bool is_active = exists && !movables.excludes(m);
         const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, is_active);
-        const Walk::ScreenBounds::Pixels in = p.pixels(world.first_u, world.first_v, world.last_x, world.last_y);
+        const PixelBounds in =
+            p.pixels({world.first_u, world.first_v}, {world.last_x, world.last_y}, p.slack, p.crossing);
         if (!is_active || p.zmin > world.far || !in.any()) return;
         // Without this test, all objects behind the camera would be recorded.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,

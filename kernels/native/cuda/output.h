@@ -138,11 +138,7 @@ struct Write {
             return Frame{camera.exact_rays[0].rounded(), camera.exact_rays[1].rounded(),
                          camera.exact_rays[2].rounded()};
         }
-        inline Vec3 ray(ImagePoint p) const {
-            return Vec3{__fmaf_rn(p.u, right.x, __fmaf_rn(p.v, down.x, forward.x)),
-                        __fmaf_rn(p.u, right.y, __fmaf_rn(p.v, down.y, forward.y)),
-                        __fmaf_rn(p.u, right.z, __fmaf_rn(p.v, down.z, forward.z))};
-        }
+        inline Vec3 ray(ImagePoint p) const { return Vec3::along(Vec3::along(forward, down, p.v), right, p.u); }
     };
     // Indices of a pixel in the images and in the packet.
     struct Spot {
@@ -173,7 +169,7 @@ struct Write {
         if (out.points) {
             const RayPlace p = packet.point(camera, spot.x, spot.y, spot.index);
             const Vec3 start = Origins::start(p, camera.origin, frame.right, frame.down);
-            vector(out.points, spot.offset, shown ? place(start, frame.ray(p), found.z) : none());
+            vector(out.points, spot.offset, shown ? Vec3::along(start, frame.ray(p), found.z) : none());
         }
         if (WITH_ID && out.normals)
             vector(out.normals, spot.offset,
@@ -190,8 +186,5 @@ struct Write {
     static inline int face(const Scene& scene, const Images& out, unsigned id) {
         const int slot = scene.slot_of(id);
         return slot < 0 ? -1 : __ldg(out.slot_face + slot);
-    }
-    static inline Vec3 place(Vec3 origin, Vec3 ray, float z) {
-        return Vec3{__fmaf_rn(z, ray.x, origin.x), __fmaf_rn(z, ray.y, origin.y), __fmaf_rn(z, ray.z, origin.z)};
     }
 };

@@ -20,11 +20,7 @@ struct EyeRays {
 
     // Edge function of a triangle: positive where rays pass inside the edge.
     struct Edge : Linear {
-        static inline Edge of(Vec3 product, Vec3) {
-            Edge edge;
-            edge.u = product.x, edge.v = product.y, edge.one = product.z;
-            return edge;
-        }
+        static inline Edge of(Vec3 product, Vec3) { return Edge{{product.x, product.y, product.z}}; }
         inline float of_ray(RayPlace p) const { return at(p.u, p.v); }
     };
 
@@ -80,12 +76,7 @@ struct OriginRays {
     struct Edge : Linear {
         Vec3 side;  // edge vector a - b, scaled like the coefficients of `Linear`
 
-        static inline Edge of(Vec3 product, Vec3 side) {
-            Edge edge;
-            edge.u = product.x, edge.v = product.y, edge.one = product.z;
-            edge.side = side;
-            return edge;
-        }
+        static inline Edge of(Vec3 product, Vec3 side) { return Edge{{product.x, product.y, product.z}, side}; }
         inline float of_ray(RayPlace r) const {
             const float moment_z = __fmaf_rn(r.u, r.q, -__fmul_rn(r.v, r.p));
             return at(r.u, r.v) + __fmaf_rn(side.y, r.p, __fmaf_rn(side.z, moment_z, -__fmul_rn(side.x, r.q)));
@@ -150,9 +141,7 @@ struct OriginRays {
                          eye.z + (r.p * rays[0].z + r.q * rays[1].z)};
         }
         static inline Vec3 start(RayPlace r, Vec3 eye, Vec3 right, Vec3 down) {
-            return Vec3{__fmaf_rn(r.p, right.x, __fmaf_rn(r.q, down.x, eye.x)),
-                        __fmaf_rn(r.p, right.y, __fmaf_rn(r.q, down.y, eye.y)),
-                        __fmaf_rn(r.p, right.z, __fmaf_rn(r.q, down.z, eye.z))};
+            return Vec3::along(Vec3::along(eye, down, r.q), right, r.p);
         }
     };
 
@@ -164,15 +153,11 @@ struct OriginRays {
         static inline RayStarts from(const ImagePoint* aside, const float* begin) { return RayStarts{aside, begin}; }
         inline RayPlace of(ImagePoint point, int slot) const {
             const ImagePoint offset = aside[slot];
-            RayPlace place;
-            place.u = point.u, place.v = point.v, place.p = offset.u, place.q = offset.v;
-            return place;
+            return RayPlace{point, offset.u, offset.v};
         }
         inline ExactRayPlace of(ExactImagePoint point, int slot) const {
             const ImagePoint offset = aside[slot];
-            ExactRayPlace place;
-            place.u = point.u, place.v = point.v, place.p = offset.u, place.q = offset.v;
-            return place;
+            return ExactRayPlace{point, offset.u, offset.v};
         }
         inline float from_start(float z, int slot) const { return z - begin[slot]; }
         inline bool is_behind(float inv_z, int slot) const { return inv_z * begin[slot] > 1.0f; }

@@ -71,6 +71,13 @@ constexpr float TRIANGLE_SLACK = 0.002f, TRIANGLE_SLACK_BLURS = 4.0f;
 // If the extent of the corners exceeds the depth of the nearest one by this factor, each is transformed separately.
 constexpr float COARSE = 4.0f;
 
+// Pixels between two columns and two rows, which are integers; none if the first exceeds the last.
+struct PixelBounds {
+    float left, right, top, bottom;
+
+    inline bool any() const { return left <= right && top <= bottom; }
+};
+
 // Bounds in the image.
 struct ImageBox {
     float left, right, top, bottom;
@@ -78,6 +85,14 @@ struct ImageBox {
     inline void widen(ImagePoint by) { left -= by.u, right += by.u, top -= by.v, bottom += by.v; }
     inline bool holds(ImagePoint p, float slack) const {
         return p.u >= left - slack && p.u <= right + slack && p.v >= top - slack && p.v <= bottom + slack;
+    }
+    // Pixels whose centers may be inside, given the image point of the first pixel, and the last column and row; all if
+    // `anywhere`.
+    inline PixelBounds pixels(ImagePoint first, ImagePoint last, float slack, bool anywhere) const {
+        return PixelBounds{fmaxf(anywhere ? 0.0f : ceilf(left - first.u - slack), 0.0f),
+                           fminf(anywhere ? last.u : floorf(right - first.u + slack), last.u),
+                           fmaxf(anywhere ? 0.0f : ceilf(top - first.v - slack), 0.0f),
+                           fminf(anywhere ? last.v : floorf(bottom - first.v + slack), last.v)};
     }
     // Cells whose points may be inside.
     inline Cells cells(const Camera& camera, float slack) const {
@@ -100,7 +115,7 @@ struct Setup {
     // A triangle's corners in the image, in pixels from the principal point, and their 1 / z.
     struct ProjectedTriangle {
         float u[3], v[3], inv_z[3];
-        float u0, u1, v0, v1;  // bounds
+        ImageBox box;  // bounds
         float zmax;
         bool crossing;  // reaches behind the camera: may cover any part of the image
 
@@ -108,7 +123,6 @@ struct Setup {
         inline float area() const {
             return 0.5f * fabsf((u[1] - u[0]) * (v[2] - v[0]) - (u[2] - u[0]) * (v[1] - v[0]));
         }
-        inline void widen(ImagePoint by) { u0 -= by.u, u1 += by.u, v0 -= by.v, v1 += by.v; }
         // Estimated number of covered pixels, given the number in the bounds.
         inline int cover(int bounds) const {
             return crossing || !(area() < (float)bounds) ? bounds : min(bounds, (int)area() + 1);
@@ -125,9 +139,9 @@ struct Setup {
             p.u[2] = __fmul_rn(c.x, p.inv_z[2]);
             p.v[0] = __fmul_rn(a.y, p.inv_z[0]), p.v[1] = __fmul_rn(b.y, p.inv_z[1]),
             p.v[2] = __fmul_rn(c.y, p.inv_z[2]);
-            p.u0 = Three::min(p.u[0], p.u[1], p.u[2]), p.u1 = Three::max(p.u[0], p.u[1], p.u[2]);
-            p.v0 = Three::min(p.v[0], p.v[1], p.v[2]), p.v1 = Three::max(p.v[0], p.v[1], p.v[2]);
-            if (RAY_ORIGINS) p.widen(camera.origins.aside_at(Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2])));
+            p.box = ImageBox{Three::min(p.u[0], p.u[1], p.u[2]), Three::max(p.u[0], p.u[1], p.u[2]),
+                             Three::min(p.v[0], p.v[1], p.v[2]), Three::max(p.v[0], p.v[1], p.v[2])};
+            if (RAY_ORIGINS) p.box.widen(camera.origins.aside_at(Three::max(p.inv_z[0], p.inv_z[1], p.inv_z[2])));
             return p;
         }
     };
@@ -138,35 +152,21 @@ struct Setup {
     }
     static inline float slack_of(const Camera& camera) { return camera.wider(rounding_of(camera)); }
 
-    // Pixels of the view whose centers may be inside a triangle.
-    struct Bounds {
-        float left, right, top, bottom;
-
-        static inline Bounds of(const Camera& camera, const ProjectedTriangle& p) {
-            const float slack = slack_of(camera);
-            Bounds b;
-            b.left = fmaxf(p.crossing ? 0.0f : ceilf(p.u0 - camera.first_u - slack), 0.0f);
-            b.right = fminf(p.crossing ? camera.last_x : floorf(p.u1 - camera.first_u + slack), camera.last_x);
-            b.top = fmaxf(p.crossing ? 0.0f : ceilf(p.v0 - camera.first_v - slack), 0.0f);
-            b.bottom = fminf(p.crossing ? camera.last_y : floorf(p.v1 - camera.first_v + slack), camera.last_y);
-            return b;
-        }
-        // Intersect with the packet that begins at a pixel; may be empty.
-        inline void cut(int first_x, int first_y, bool has_area, Triangle& t) const {
-            const float x0 = fmaxf(left - (float)first_x, 0.0f),
-                        x1 = fminf(right - (float)first_x, PACKET_WIDTH - 1.0f);
-            const float y0 = fmaxf(top - (float)first_y, 0.0f),
-                        y1 = fminf(bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
-            const bool covers = has_area && x0 <= x1 && y0 <= y1;
-            t.x0 = covers ? (int)x0 : 0, t.x1 = covers ? (int)x1 : -1;
-            t.y0 = covers ? (int)y0 : 0, t.y1 = covers ? (int)y1 : -1;
-        }
-    };
+    // Set the pixels of the packet that begins at a pixel of the view, among those whose centers may be inside a
+    // triangle.
+    static inline void cut_pixels(const PixelBounds& view, int first_x, int first_y, bool has_area, Triangle& t) {
+        const float x0 = fmaxf(view.left - (float)first_x, 0.0f),
+                    x1 = fminf(view.right - (float)first_x, PACKET_WIDTH - 1.0f);
+        const float y0 = fmaxf(view.top - (float)first_y, 0.0f),
+                    y1 = fminf(view.bottom - (float)first_y, PACKET_HEIGHT - 1.0f);
+        const bool covers = has_area && x0 <= x1 && y0 <= y1;
+        t.x0 = covers ? (int)x0 : 0, t.x1 = covers ? (int)x1 : -1;
+        t.y0 = covers ? (int)y0 : 0, t.y1 = covers ? (int)y1 : -1;
+    }
 
     // Set the cells whose points may be inside a triangle.
     static inline void cut_cells(const Camera& camera, const ProjectedTriangle& p, bool has_area, Triangle& t) {
-        const ImageBox box = {p.u0, p.u1, p.v0, p.v1};
-        const Cells cells = p.crossing ? Cells::all() : box.cells(camera, rounding_of(camera));
+        const Cells cells = p.crossing ? Cells::all() : p.box.cells(camera, rounding_of(camera));
         const bool covers = has_area && cells.any();
         t.x0 = covers ? cells.x0 : 0, t.x1 = covers ? cells.x1 : -1;
         t.y0 = covers ? cells.y0 : 0, t.y1 = covers ? cells.y1 : -1;
@@ -182,12 +182,12 @@ struct Setup {
     // Whether 1 / z may exceed its allowed error: by rounding of its terms, by that of the corner's position, and by
     // that of the slopes, which is large for slivers and at grazing angles. Evaluated for the whole view, so that 1 / z
     // of a pixel is the same in every packet.
-    static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const Bounds& b,
+    static inline bool loses_digits(const Camera& camera, const ProjectedTriangle& p, const PixelBounds& b,
                                     const Triangle& t, float sides, float scale) {
         float du, dv;
         if (POINTS) {
-            du = farthest(p.u0, p.u1, t.u, p.crossing, camera.last_x);
-            dv = farthest(p.v0, p.v1, t.v, p.crossing, camera.last_y);
+            du = farthest(p.box.left, p.box.right, t.u, p.crossing, camera.last_x);
+            dv = farthest(p.box.top, p.box.bottom, t.v, p.crossing, camera.last_y);
         } else {
             du = camera.wider(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
             dv = camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
@@ -326,10 +326,12 @@ struct Setup {
         if (!MOVABLE && p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
         const float slack = slack_of(camera);
         const float to_x = camera.first_u + (float)first_x, to_y = camera.first_v + (float)first_y;
-        const int x0 = p.crossing ? 0 : max(__float2int_ru(p.u0 - to_x - slack), 0);
-        const int y0 = p.crossing ? 0 : max(__float2int_ru(p.v0 - to_y - slack), 0);
-        const int x1 = p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.u1 - to_x + slack), PACKET_WIDTH - 1);
-        const int y1 = p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.v1 - to_y + slack), PACKET_HEIGHT - 1);
+        const int x0 = p.crossing ? 0 : max(__float2int_ru(p.box.left - to_x - slack), 0);
+        const int y0 = p.crossing ? 0 : max(__float2int_ru(p.box.top - to_y - slack), 0);
+        const int x1 =
+            p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.box.right - to_x + slack), PACKET_WIDTH - 1);
+        const int y1 =
+            p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.box.bottom - to_y + slack), PACKET_HEIGHT - 1);
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
         // Worthwhile if a packet sees much that is near: static scenes of small triangles become slower.
         const bool large = MOVABLE && count > LARGE;
@@ -366,7 +368,8 @@ struct Setup {
         // Single precision cannot decide whether the front or the back is visible.
         const bool edge_on = fabsf(c.volume) < c.volume_error;
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
-        const Bounds bounds = Bounds::of(camera, p);
+        const PixelBounds bounds = p.box.pixels({camera.first_u, camera.first_v}, {camera.last_x, camera.last_y},
+                                                slack_of(camera), p.crossing);
         const float sign = c.volume < 0.0f ? -1.0f : 1.0f, scale = 1.0f / c.volume;
         Triangle t;
         t.slot = slot;
@@ -374,7 +377,7 @@ struct Setup {
         if (POINTS)
             cut_cells(camera, p, has_area, t);
         else
-            bounds.cut(first_x, first_y, has_area, t);
+            cut_pixels(bounds, first_x, first_y, has_area, t);
         t.edge[0] = edge(c.b, c.c, sign);
         t.edge[1] = edge(c.c, c.a, sign);
         t.edge[2] = edge(c.a, c.b, sign);

@@ -67,8 +67,7 @@ struct Walk {
     }
 
     // Bounds of a box in the image, in pixels from the principal point.
-    struct ScreenBounds {
-        float left, right, top, bottom;
+    struct ScreenBounds : ImageBox {
         float zmin, zmax;
         float slack;  // margin for rounding
         bool crossing;  // reaches so close to the camera, or behind it, that it may cover any part of the image
@@ -90,34 +89,17 @@ struct Walk {
             // bounds the box's extent in the image.
             const float inv_z = Reciprocal::about(z), inv_zmin = Reciprocal::about(p.zmin);
             const float u = x * inv_z, v = y * inv_z;
-            const float aside = across(combined(m[0], m[2], -u), half) * inv_zmin;
-            const float along = across(combined(m[1], m[2], -v), half) * inv_zmin;
+            const float aside = across(Vec3::along(m[0], m[2], -u), half) * inv_zmin;
+            const float along = across(Vec3::along(m[1], m[2], -v), half) * inv_zmin;
             p.left = u - aside, p.right = u + aside, p.top = v - along, p.bottom = v + along;
             return p;
         }
-        inline void widen(ImagePoint by) { left -= by.u, right += by.u, top -= by.v, bottom += by.v; }
         inline float nearest_inv_z() const { return crossing ? NOWHERE : NEARER * Reciprocal::about(zmin); }
 
-        // Integer pixel coordinates.
-        struct Pixels {
-            float left, right, top, bottom;
-
-            inline bool any() const { return left <= right && top <= bottom; }
-        };
-        // Pixels whose centers may be inside; the first pixel is at (u, v).
-        inline Pixels pixels(float u, float v, float last_x, float last_y) const {
-            return Pixels{fmaxf(crossing ? 0.0f : ceilf(left - u - slack), 0.0f),
-                          fminf(crossing ? last_x : floorf(right - u + slack), last_x),
-                          fmaxf(crossing ? 0.0f : ceilf(top - v - slack), 0.0f),
-                          fminf(crossing ? last_y : floorf(bottom - v + slack), last_y)};
-        }
         static inline Vec3 half_of(Vec3 v) { return Vec3{0.5f * v.x, 0.5f * v.y, 0.5f * v.z}; }
         static inline Vec3 magnitude(Vec3 v) { return Vec3{fabsf(v.x), fabsf(v.y), fabsf(v.z)}; }
         // Half extent of a box along a direction.
         static inline float across(Vec3 direction, Vec3 half) { return Vec3::dot(magnitude(direction), half); }
-        static inline Vec3 combined(Vec3 a, Vec3 b, float of_b) {
-            return Vec3{__fmaf_rn(of_b, b.x, a.x), __fmaf_rn(of_b, b.y, a.y), __fmaf_rn(of_b, b.z, a.z)};
-        }
 
         inline void set_corners(const Vec3* m, Vec3 low, Vec3 high) {
             // The eight corners in camera space are sums of one term per axis.
@@ -179,7 +161,7 @@ struct Walk {
                               bool shown) {
         if (!Warp::any(shown)) return Child{0, 0};
         ScreenBounds p = ScreenBounds::of(to_camera, low, high, camera.blur, shown);
-        ImageBox box = {p.left, p.right, p.top, p.bottom};
+        ImageBox box = p;
         float inv_z = 0.0f;
         if (RAY_ORIGINS) {
             // The bounds are widened by the displacement at the nearest depth; the box, which is tested at the mean 1 /
@@ -192,7 +174,7 @@ struct Walk {
         const float slack = p.slack;
         p.slack = camera.wider(p.slack);
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
-        const ScreenBounds::Pixels in = p.pixels(u, v, PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f);
+        const PixelBounds in = p.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, p.slack, p.crossing);
         shown = shown && p.zmin <= camera.far && in.any();
         if (shown && p.crossing)
             shown = reaches_frustum(
@@ -230,11 +212,9 @@ struct Walk {
         const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
         ImageBox wide = box;
         wide.widen(camera.origins.aside_at(inv_z));
-        const float x0 = fmaxf(ceilf(wide.left - camera.first_u - slack), 0.0f),
-                    x1 = fminf(floorf(wide.right - camera.first_u + slack), PACKET_WIDTH - 1.0f);
-        const float y0 = fmaxf(ceilf(wide.top - camera.first_v - slack), 0.0f),
-                    y1 = fminf(floorf(wide.bottom - camera.first_v + slack), PACKET_HEIGHT - 1.0f);
-        const unsigned pixels = PixelRect::of((int)x0, (int)y0, (int)x1, (int)y1);
+        const PixelBounds in =
+            wide.pixels({camera.first_u, camera.first_v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, slack, false);
+        const unsigned pixels = PixelRect::of((int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, inv_z, rounding);
     }
     // Whether a ray of these pixels passes through bounds, which are widened for surfaces nearer or farther than 1 / z.

@@ -12,8 +12,9 @@ struct Pose {
 
     // Axes of a rotation given by a quaternion; `two` is 2 divided by its squared norm, which normalizes it. The CPU
     // normalizes the quaternion first and passes 2, CUDA passes the quotient: they round differently, and changing
-    // either would change results.
-    static inline void axes_of(double x, double y, double z, double w, double two, double (*axis)[3]) {
+    // either would change results. Numbers may also be those of several objects, one per lane.
+    template <class Number>
+    static inline void axes_of(Number x, Number y, Number z, Number w, Number two, Number (*axis)[3]) {
         axis[0][0] = 1 - two * (y * y + z * z);
         axis[0][1] = two * (x * y + z * w);
         axis[0][2] = two * (x * z - y * w);

@@ -15,7 +15,6 @@ from warpvis.core.arrays import aligned_empty
 from warpvis.core.kernel_cache import launch
 from warpvis.kernels.bvh import (
     build_cuda,
-    items_cuda as item_kernels,
     nodes_cuda as node_kernels,
     ranges_cuda,
 )
@@ -118,7 +117,7 @@ class _Splitter:
         bins = _BINS * large
         self._bins = self._integers((bins, ranges_cuda.BIN_WORDS)), self._integers(bins)
         self._rows: list[list[int]] = []
-        launch(item_kernels.begin_tree, 1, [box, self._count, self._level.info, self._binary], self._device)
+        launch(ranges_cuda.begin_tree, 1, [box, self._count, self._level.info, self._binary], self._device)
         self._record()
 
     def split(self) -> tuple[Any, Any, list[tuple[int, int]]]:
@@ -134,8 +133,8 @@ class _Splitter:
         words = self._integers((1, ranges_cuda.BIN_WORDS))
         words.fill_(ranges_cuda.NOTHING)
         threads = min(self._count, _BOUNDING_THREADS)
-        launch(item_kernels.load_items, self._count, [mesh.vertices, mesh.faces, self._items[0]], self._device)
-        launch(item_kernels.bound_centers, threads, [self._items[0], threads, words], self._device)
+        launch(ranges_cuda.load_items, self._count, [mesh.vertices, mesh.faces, self._items[0]], self._device)
+        launch(ranges_cuda.bound_centers, threads, [self._items[0], threads, words], self._device)
         return words
 
     def _record(self) -> None:
