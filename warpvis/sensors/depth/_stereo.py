@@ -8,7 +8,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
@@ -278,7 +278,7 @@ def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exp
     device = exposure.scene.device
     model, inputs = FatteningModel(), kernel_inputs(exposure)
     model.disparity_scale, model.step, model.reach = scale, step, reach
-    fattened: dict[str, wp.array | None] = {}
+    fattened: dict[str, Any] = {}
     for name in ("true_depth", "normals", "segmentation"):
         image = getattr(exposure, name)
         fattened[name] = None if image is None else exposure.scratch(f"fattened {name}", image.shape, image.dtype)
