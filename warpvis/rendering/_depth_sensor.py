@@ -215,7 +215,8 @@ class DepthSensor(ABC):
 
         Depth must be within the camera's range or, as in REP 117, +inf where there is no surface or it is too far, and
         -inf where it is too near; NaN where it was lost for another reason. Random numbers must come from
-        `warpvis.kernels.sensors.random_numbers`, and results must not depend on how views are split into calls.
+        `warpvis.kernels.sensors.random_numbers`, whose docstring describes the options of modules with such kernels,
+        and results must not depend on how views are split into calls.
         """
 
 
