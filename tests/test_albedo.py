@@ -236,5 +236,5 @@ def test_albedo_of_moving_camera_raises():
     scene = wv.Scene(device="cpu")
     scene.add(BOX, name="box")
     motion = Motion([POSE, POSE], [0.0, 1.0])
-    with pytest.raises(CameraError, match="outputs must not contain colors for a Motion"):
+    with pytest.raises(CameraError, match="outputs must not contain albedo for a Motion"):
         wv.render(scene, CAMERA, motion, outputs="albedo")

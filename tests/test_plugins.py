@@ -118,6 +118,13 @@ def test_example_output_survives_a_dataset(examples, tmp_path, kind):
         np.testing.assert_array_equal(dataset[number]["slope"], expected)
 
 
+def test_motion_with_a_registered_output_is_refused(examples):
+    camera = wv.sensors.RollingShutter(wv.Camera.kinect(), 0.03)
+    motion = wv.sensors.Motion(np.repeat(examples["pose"], 2, axis=0)[:, None], [0.0, 0.03])
+    with pytest.raises(wv.errors.CameraError, match="outputs must not contain slope for a Motion"):
+        wv.render(examples["scene"], camera, motion, outputs=("depth", "slope"))
+
+
 def test_dataset_of_an_unknown_output_is_refused(examples, tmp_path, monkeypatch):
     wv.render_batch(
         examples["scene"],

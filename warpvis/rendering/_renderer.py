@@ -293,7 +293,7 @@ class Renderer:
         if isinstance(views.poses, np.ndarray) and device.is_cuda and not device.is_capturing:
             views.upload(scratch)
         shape = (views.count, *self._shape) if views.pixels is None else next(iter(images.values())).shape
-        memory = {name: scratch.array(name, shape, pixel_type(name.removeprefix("exact "))) for name in lacking}
+        memory = {name: scratch.array(name, shape, pixel_type(_output_of(name))) for name in lacking}
         self._run_stages({**images, **memory}, views, images, scratch)
 
     def _run_stages(self, every: ImagesByName, views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
@@ -330,7 +330,8 @@ class Renderer:
             raise CameraError("sensor must be None for a Motion: sensor models do not support motion within a frame")
         if self._computed:
             raise CameraError(
-                "outputs must not contain colors for a Motion: shading does not support motion within a frame"
+                f"outputs must not contain {', '.join(self._computed)} for a Motion: outputs that are computed from "
+                "others do not support motion within a frame"
             )
         if self._only_packets:
             raise CameraError('caster must be "rays" or "auto" for a Motion, got "packets"')
@@ -426,7 +427,7 @@ class Renderer:
         return all(isinstance(image, wp.array) and image.device.is_cpu for image in images)
 
     def _bytes_per_pixel(self) -> int:
-        lacking = [name.removeprefix("exact ") for name in self._lacking()]
+        lacking = [_output_of(name) for name in self._lacking()]
         extra = 0 if self.sensor is None else self.sensor.bytes_per_pixel
         return extra + pixel_bytes([*self._outputs, *lacking])
 
@@ -513,3 +514,8 @@ def render(
                     warn_of_units(scene, camera.far, seen)
                 warn_of_eyes_inside(scene, camera.near, poses, blind, seen)
     return views
+
+
+def _output_of(image: str) -> str:
+    """Return the output of the same type as an image of the stages, which may be the exact one before a sensor."""
+    return image.removeprefix("exact ")

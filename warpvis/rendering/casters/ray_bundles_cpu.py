@@ -15,8 +15,8 @@ from warpvis.cameras.pinhole import clip_inv_z
 from warpvis.cameras.rays import RayCamera
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch
 from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
-from warpvis.rendering.casters.ray_origins_cpu import PreparedRayOrigins, prepare_ray_origins, takes_packets
-from warpvis.rendering.casters.rays import RayBundleCaster
+from warpvis.rendering.casters.ray_origins_cpu import PreparedRayOrigins, prepare_ray_origins
+from warpvis.rendering.casters.rays import RayBundleCaster, takes_packets
 from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, prepare_rays
 from warpvis.scene import Scene
 

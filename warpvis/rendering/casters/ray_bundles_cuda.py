@@ -14,8 +14,7 @@ from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering.casters.base import ImagesByName, ViewBatch, images_struct, needs_ids
 from warpvis.rendering.casters.found_objects_cuda import nothing_found
 from warpvis.rendering.casters.packet_images_cuda import POINTS_SIDE
-from warpvis.rendering.casters.ray_origins_cpu import takes_packets
-from warpvis.rendering.casters.rays import RayBundleCaster
+from warpvis.rendering.casters.rays import RayBundleCaster, takes_packets
 from warpvis.rendering.casters.sorted_rays_cuda import POINTS, PreparedPackets, prepare_packets
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Packets of rays with distinct origins: when they can be used, and their preparation for CPU cores.
+"""Preparation of packets of rays with distinct origins for CPU cores.
 
 Computed in double precision, once per ray table; used by ``kernels/native/cpu/ray_raster.h``.
 """
@@ -18,13 +18,8 @@ from warpvis.kernels.constants import CPU_LANES, NOWHERE
 from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, component, prepare_rays, to_row_order
 
 if TYPE_CHECKING:
-    from warpvis.cameras.rays import RayCamera
     from warpvis.kernels.casting.ray_bundle_packets import RayOrigins
-    from warpvis.kernels.casting.worlds import Worlds
-    from warpvis.scene import Scene
 
-MAX_ORIGIN_EXTENT = 0.1
-"""Maximum extent of the origins along each axis for which packets are used [m]."""
 _ROUNDED = 1e-6  # relative rounding error bound of single precision
 _GROUP = CPU_LANES * CPU_LANES
 
@@ -37,25 +32,6 @@ class PreparedRayOrigins:
     struct: RayOrigins
     max_origin_z: NDArray[np.float64]
     """Greatest z of a ray origin in each bundle [m]."""
-
-
-def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool) -> bool:
-    """Return whether packets can cast rays with a camera's ray origins.
-
-    They cannot if the origins are far apart, the scene has movable analytic solids, worlds scale objects, or near
-    surfaces are cut away.
-    """
-    if clip_near or worlds.object_sizes or scene.bvh().has_solids:
-        return False
-    origins = camera.origins
-    assert origins is not None  # cameras without origins use another caster
-    return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
-
-
-def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
-    """Return whether ray origins are so close to each other that packets of rays are coherent."""
-    has_ray = np.isfinite(rays).all(axis=-1)
-    return not has_ray.any() or bool(np.ptp(origins[has_ray], axis=0).max() <= MAX_ORIGIN_EXTENT)
 
 
 def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedRayOrigins:

@@ -5,10 +5,11 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.rays import RayCamera
@@ -18,6 +19,12 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.scene import Scene
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
+
+MAX_ORIGIN_EXTENT = 0.1
+"""Maximum extent of the origins along each axis for which packets are used [m]."""
 
 
 class RaysCaster:
@@ -113,6 +120,25 @@ class RayBundleCaster(RaysCaster):
     @cached_property
     def _origins(self) -> wp.array | None:
         return None if self._camera.origins is None else rays_on_device(self._camera, self._scene.device, "origins")
+
+
+def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool) -> bool:
+    """Return whether packets can cast rays with a camera's ray origins.
+
+    They cannot if the origins are far apart, the scene has movable analytic solids, worlds scale objects, or near
+    surfaces are cut away.
+    """
+    if clip_near or worlds.object_sizes or scene.bvh().has_solids:
+        return False
+    origins = camera.origins
+    assert origins is not None  # cameras without origins use another caster
+    return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
+
+
+def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
+    """Return whether ray origins are so close to each other that packets of rays are coherent."""
+    has_ray = np.isfinite(rays).all(axis=-1)
+    return not has_ray.any() or bool(np.ptp(origins[has_ray], axis=0).max() <= MAX_ORIGIN_EXTENT)
 
 
 def rays_on_device(camera: AnyCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:
