@@ -50,6 +50,12 @@ def pixel_ray(camera: PinholeCamera, y: int, x: int) -> wp.vec3d:
 
 
 @wp.func
+def pixel_center(y: int, x: int) -> wp.vec2:
+    """Return a pixel's center [px]."""
+    return wp.vec2(float(x) + 0.5, float(y) + 0.5)
+
+
+@wp.func
 def image_ray(camera: PinholeCamera, pixel: wp.vec2) -> wp.vec3d:
     """Return the camera-frame direction through an image point [px] with z = 1."""
     return wp.vec3d(
@@ -73,6 +79,22 @@ def pose_rotation(pose: wp.transform) -> wp.quatd:
     """Return the rotation, renormalized: a unit quaternion rounded to single precision is off by up to 1e-7."""
     q = wp.transform_get_rotation(pose)
     return wp.normalize(wp.quatd(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]), wp.float64(q[3])))
+
+
+@wp.struct
+class Frame:
+    """The pose of a camera or an object, in the world or in the frame of an object."""
+
+    origin: wp.vec3d
+    rotation: wp.quatd
+
+
+@wp.func
+def frame_of(pose: wp.transform) -> Frame:
+    frame = Frame()
+    frame.origin = pose_origin(pose)
+    frame.rotation = pose_rotation(pose)
+    return frame
 
 
 @wp.func

@@ -91,7 +91,7 @@ def check_module(name: str, source: str) -> Iterator[str]:
         alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
     }
     imported |= {str(node.module).split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
-    allowed = {"pathlib", "re", "warp"} if name == "native_source" else {"warp", "warpvis"}
+    allowed = {"pathlib", "re", "warp"} if name == "native_source" else {"typing", "warp", "warpvis"}
     if imported - allowed:
         yield f"{name}: imports must be of {', '.join(sorted(allowed))}, got {', '.join(sorted(imported - allowed))}"
     if "@wp.kernel" in source:

@@ -9,7 +9,7 @@ the pose times the exponential of the twist (Lynch and Park, "Modern Robotics", 
 
 import warp as wp
 
-from warpvis.kernels.pinhole import pose_origin, pose_rotation
+from warpvis.kernels.pinhole import Frame, frame_of
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -42,22 +42,6 @@ class Motion:
     """(view): start of its frame, to which times of rays are relative [s]; None for 0."""
     poses: wp.array3d[wp.transform]
     """(view, y, x): poses of individual rays, instead of legs; any dimension may be 1 to share poses. Usually None."""
-
-
-@wp.struct
-class Frame:
-    """The pose of a sensor or an object in the world."""
-
-    origin: wp.vec3d
-    rotation: wp.quatd
-
-
-@wp.func
-def frame_of(pose: wp.transform) -> Frame:
-    frame = Frame()
-    frame.origin = pose_origin(pose)
-    frame.rotation = pose_rotation(pose)
-    return frame
 
 
 @wp.func
@@ -195,3 +179,11 @@ def sensor_at(motion: Motion, view: int, y: int, x: int, time: wp.float64) -> Fr
         j, k = wp.min(y, motion.poses.shape[1] - 1), wp.min(x, motion.poses.shape[2] - 1)
         return frame_of(motion.poses[i, j, k])
     return frame_at(motion, wp.min(view, motion.legs.shape[1] - 1), 0, time)
+
+
+@wp.struct
+class MovingObjects:
+    """Movable objects at the time of a ray: legs of their motion, (instant, world, object)."""
+
+    motion: Motion
+    time: wp.float64

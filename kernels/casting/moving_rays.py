@@ -7,7 +7,7 @@ import warp as wp
 from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.motions import Motion, sensor_at, time_of
 from warpvis.kernels.casting.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
-from warpvis.kernels.casting.triangle_scene import CameraFrame, TriangleScene
+from warpvis.kernels.casting.triangle_scene import TriangleScene
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.pinhole import Window, locate
 
@@ -40,17 +40,14 @@ def cast_moving_rays(
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
-    frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
-    eye = CameraFrame()
-    eye.origin = frame.origin
-    eye.rotation = frame.rotation
+    eye = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[y, x]
     hit = no_hit()
     if ray[2] == ray[2]:
-        hit = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
+        hit = trace_ray(scene, camera, eye, worlds, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, worlds, view, hit, view, y, x, images_out)
 
 
 @wp.kernel

@@ -10,26 +10,22 @@ import warp as wp
 
 from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.rays import CUDA_REGISTERS, no_hit, pinhole_range, trace_ray, write_images
-from warpvis.kernels.casting.triangle_scene import TriangleScene, camera_frame
+from warpvis.kernels.casting.triangle_scene import TriangleScene
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.mujoco.coinciding import Coinciding, last_coinciding, seen_in
 from warpvis.kernels.pinhole import (
     PinholeCamera,
     Window,
     forward_axis,
+    frame_of,
     image_ray,
     locate,
+    pixel_center,
     pose_origin,
     pose_rotation,
 )
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
-
-
-@wp.func
-def pixel_center(y: int, x: int) -> wp.vec2:
-    """Return a pixel's center [px]."""
-    return wp.vec2(float(x) + 0.5, float(y) + 0.5)
 
 
 @wp.func
@@ -66,13 +62,13 @@ def cast_parallel_rays(
     pixel = pixel_center(y, x)
     if pixels_in:
         pixel = pixels_in[view, y, x]
-    eye = camera_frame(camera_to_world[view])
+    eye = frame_of(camera_to_world[view])
     hit = no_hit()
     if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
-        eye = camera_frame(eye_at(camera, camera_to_world[view], pixel))
+        eye = frame_of(eye_at(camera, camera_to_world[view], pixel))
         ahead = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(1.0))
-        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, ahead, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
+        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, worlds, view, ahead, cull_backfaces)
+    write_images(scene, eye.origin, worlds, worlds, view, hit, view, y, x, images_out)
 
 
 @wp.kernel

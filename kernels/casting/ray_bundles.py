@@ -6,9 +6,9 @@ import warp as wp
 
 from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.rays import CUDA_REGISTERS, RayRange, no_hit, trace_ray, write_images
-from warpvis.kernels.casting.triangle_scene import TriangleScene, camera_frame
+from warpvis.kernels.casting.triangle_scene import TriangleScene
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.pinhole import Window, frame_of, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -37,11 +37,11 @@ def cast_ray_table(
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
-    eye = camera_frame(camera_to_world[view])
+    eye = frame_of(camera_to_world[view])
     if origins_in:
         eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
     ray = rays_in[wp.min(view, rays_in.shape[0] - 1), y, x]
     hit = no_hit()
     if ray[2] == ray[2]:
-        hit = trace_ray(scene, camera, eye, worlds, view, ray, cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
+        hit = trace_ray(scene, camera, eye, worlds, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, worlds, view, hit, view, y, x, images_out)

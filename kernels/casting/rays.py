@@ -6,14 +6,15 @@ The mesh query only finds the triangle. Depth is computed from the triangle's pl
 precision is off by up to 1 mm where a large triangle is seen at a grazing angle.
 """
 
+from typing import Any
+
 import warp as wp
 
 from warpvis.kernels.casting.images import Images
+from warpvis.kernels.casting.motions import MovingObjects, frame_at
 from warpvis.kernels.casting.solids import SolidHit, normal_of_solid, to_shape
 from warpvis.kernels.casting.triangle_scene import (
-    CameraFrame,
     TriangleScene,
-    camera_frame,
     face_of,
     factors_of,
     first_hit,
@@ -33,15 +34,15 @@ from warpvis.kernels.casting.triangle_scene import (
 )
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.pinhole import (
+    Frame,
     PinholeCamera,
     Window,
     clip_depth,
     forward_axis,
+    frame_of,
     image_ray,
     locate,
-    pixel_ray,
-    pose_origin,
-    pose_rotation,
+    pixel_center,
 )
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -99,7 +100,7 @@ def nearest_instance(
     scene: TriangleScene,
     worlds: Worlds,
     view: int,
-    in_world: CameraFrame,
+    in_world: Frame,
     ray: wp.vec3d,
     clip: float,
     max_t: float,
@@ -116,7 +117,7 @@ def nearest_instance(
         instance = steps[step].instance
         movable = scene.movable_count + instance
         if not is_excluded(worlds, view, scene.movable_object[movable]):
-            frame = seen_from(in_world, steps[instance].pose)
+            frame = seen_from(in_world, frame_of(steps[instance].pose))
             direction, eye = wp.vec3(wp.quat_rotate(frame.rotation, ray)), wp.vec3(frame.origin)
             mesh_hit = first_hit(scene, worlds, view, movable, eye, direction, clip, nearest, cull)
             if mesh_hit.result and mesh_hit.t < nearest:
@@ -135,7 +136,7 @@ def meet_object(
     world: int,
     view: int,
     movable: int,
-    frame: CameraFrame,
+    frame: Frame,
     ray: wp.vec3d,
     clip: float,
     cull: bool,
@@ -185,7 +186,7 @@ def meet_instances(
     scene: TriangleScene,
     worlds: Worlds,
     view: int,
-    in_world: CameraFrame,
+    in_world: Frame,
     ray: wp.vec3d,
     clip: float,
     cull: bool,
@@ -207,7 +208,7 @@ def measure(
     scene: TriangleScene,
     worlds: Worlds,
     world: int,
-    frame: CameraFrame,
+    frame: Frame,
     camera: RayRange,
     ray: wp.vec3d,
     hit: RayHit,
@@ -238,16 +239,34 @@ def measure(
 
 
 @wp.func
+def object_frame(scene: TriangleScene, objects: Worlds, world: int, movable: int) -> Frame:
+    """Return the pose of a movable object or an instance in a world."""
+    return frame_of(pose_in(scene, objects, world, movable))
+
+
+@wp.func
+def object_frame(scene: TriangleScene, objects: MovingObjects, world: int, movable: int) -> Frame:
+    """Return the pose of a movable object at a time; instances are fixed."""
+    if movable >= scene.movable_count:
+        return frame_of(steps_of(scene)[movable - scene.movable_count].pose)
+    return frame_at(objects.motion, world, movable, objects.time)
+
+
+@wp.func
 def trace_ray(
     scene: TriangleScene,
     camera: RayRange,
-    in_world: CameraFrame,
+    in_world: Frame,
     worlds: Worlds,
+    objects: Any,
     view: int,
     ray: wp.vec3d,
     cull_backfaces: bool,
 ) -> RayHit:
-    """Cast one ray of the camera frame: with z = 1 for planar depth, of unit length for range."""
+    """Cast one ray of the camera frame: with z = 1 for planar depth, of unit length for range.
+
+    `objects` has the poses of objects: `worlds`, or `MovingObjects`, for which only the rest of `worlds` is read.
+    """
     hit = no_hit()
     hit.direction = wp.quat_rotate(in_world.rotation, ray)
 
@@ -261,41 +280,42 @@ def trace_ray(
     for movable in range(-1, scene.movable_count):  # -1: static geometry
         frame = in_world
         if movable >= 0:
-            frame = seen_from(in_world, worlds.object_poses[world, movable])
+            frame = seen_from(in_world, object_frame(scene, objects, world, movable))
         hit = meet_object(scene, worlds, world, view, movable, frame, ray, camera.clip, cull_backfaces, hit)
     hit = meet_instances(scene, worlds, view, in_world, ray, camera.clip, cull_backfaces, hit)
     hit_frame = in_world
     if hit.face >= 0 and hit.movable >= 0:
-        hit_frame = seen_from(in_world, pose_in(scene, worlds, world, hit.movable))
+        hit_frame = seen_from(in_world, object_frame(scene, objects, world, hit.movable))
     return measure(scene, worlds, world, hit_frame, camera, ray, hit)
 
 
 @wp.func
-def solid_normal(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, hit: RayHit) -> wp.vec3:
-    """Return the unit normal, in the world frame, of the true surface at a hit."""
-    world = world_of(worlds, view)
-    pose = worlds.object_poses[world, hit.movable]
-    kind, size = scene.movable_solid[hit.movable], size_of(scene, worlds, world, hit.movable)
-    point = origin + wp.float64(hit.depth) * hit.direction - pose_origin(pose)
-    shape_point = to_shape(wp.quat_rotate_inv(pose_rotation(pose), point), size)
-    return wp.vec3(wp.quat_rotate(pose_rotation(pose), normal_of_solid(kind, size, hit.face, shape_point)))
+def solid_normal(kind: int, size: wp.vec4, frame: Frame, origin: wp.vec3d, hit: RayHit) -> wp.vec3:
+    """Return the unit normal, in the world frame, of the true surface at a hit; `frame` is the solid's."""
+    point = origin + wp.float64(hit.depth) * hit.direction - frame.origin
+    shape_point = to_shape(wp.quat_rotate_inv(frame.rotation, point), size)
+    return wp.vec3(wp.quat_rotate(frame.rotation, normal_of_solid(kind, size, hit.face, shape_point)))
 
 
 @wp.func
-def normal_in_world(scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, view: int, hit: RayHit) -> wp.vec3:
+def normal_in_world(
+    scene: TriangleScene, origin: wp.vec3d, worlds: Worlds, objects: Any, view: int, hit: RayHit
+) -> wp.vec3:
+    """Return the unit normal in the world frame at the hit of a ray from `origin`; NaN for a miss."""
     if hit.face < 0:
         return wp.vec3(wp.nan, wp.nan, wp.nan)
     if hit.movable < 0:
         factors = factors_of(scene, worlds, 0, hit.movable)
         return wp.vec3(normal_of(scene.mesh, hit.face, factors, hit.direction))
-    if hit.round:
-        return solid_normal(scene, origin, worlds, view, hit)
     world = world_of(worlds, view)
-    rotation = pose_rotation(pose_in(scene, worlds, world, hit.movable))
-    direction = wp.quat_rotate_inv(rotation, hit.direction)
+    frame = object_frame(scene, objects, world, hit.movable)
+    if hit.round:
+        size = size_of(scene, worlds, world, hit.movable)
+        return solid_normal(scene.movable_solid[hit.movable], size, frame, origin, hit)
+    direction = wp.quat_rotate_inv(frame.rotation, hit.direction)
     factors = factors_of(scene, worlds, world, hit.movable)
     normal = normal_of(scene.movable_mesh[hit.movable], hit.face, factors, direction)
-    return wp.vec3(wp.quat_rotate(rotation, normal))
+    return wp.vec3(wp.quat_rotate(frame.rotation, normal))
 
 
 @wp.func
@@ -303,6 +323,7 @@ def write_images(
     scene: TriangleScene,
     origin: wp.vec3d,
     worlds: Worlds,
+    objects: Any,
     world_view: int,
     hit: RayHit,
     view: int,
@@ -312,7 +333,8 @@ def write_images(
 ):
     """Write the requested images; images that were not requested are None.
 
-    `origin` is the ray's origin, and `world_view` the view index that `trace_ray` used to find the world.
+    `origin` is the ray's origin, and `world_view` the view index that `trace_ray` used to find the world; `objects` are
+    those of `trace_ray`.
     """
     if images_out.depth:
         images_out.depth[view, y, x] = hit.depth
@@ -322,7 +344,7 @@ def write_images(
             point = wp.vec3(origin + wp.float64(hit.depth) * hit.direction)
         images_out.points[view, y, x] = point
     if images_out.normals:
-        images_out.normals[view, y, x] = normal_in_world(scene, origin, worlds, world_view, hit)
+        images_out.normals[view, y, x] = normal_in_world(scene, origin, worlds, objects, world_view, hit)
     if images_out.labels or images_out.segmentation:
         index = int(-1)
         label = wp.uint8(0)
@@ -347,41 +369,25 @@ def cast_rays(
     window: Window,
     # In:
     worlds: Worlds,
-    cull_backfaces: bool,
-    # Out:
-    images_out: Images,
-):
-    """Write the requested images (None is skipped) of every view."""
-    view, y, x = wp.tid()
-    view, y = locate(window, view, y)
-
-    eye = camera_frame(camera_to_world[view])
-    hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, pixel_ray(camera, y, x), cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, hit, view, y, x, images_out)
-
-
-@wp.kernel(cuda_max_registers=CUDA_REGISTERS)
-def cast_rays_at(
-    # Scene:
-    scene: TriangleScene,
-    # Cameras:
-    camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
-    window: Window,
-    # In:
-    worlds: Worlds,
     pixels_in: wp.array3d[wp.vec2],
     cull_backfaces: bool,
     # Out:
     images_out: Images,
 ):
-    """Cast rays through any image points; all arrays are (view, 1, point). Points outside the image hit nothing."""
-    view, row, point = wp.tid()
-    view, row = locate(window, view, row)
+    """Write the requested images (None is skipped) of every view.
 
-    pixel = pixels_in[view, row, point]
-    eye = camera_frame(camera_to_world[view])
+    `pixels_in` are image points [px], (view, 1, point), in which case images have that shape too; None for pixel
+    centers. Points outside the image hit nothing.
+    """
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+
+    pixel = pixel_center(y, x)
+    if pixels_in:
+        pixel = pixels_in[view, y, x]
+    eye = frame_of(camera_to_world[view])
     hit = no_hit()
     if pixel[0] >= 0.0 and pixel[0] < camera.width and pixel[1] >= 0.0 and pixel[1] < camera.height:
-        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, view, image_ray(camera, pixel), cull_backfaces)
-    write_images(scene, eye.origin, worlds, view, hit, view, row, point, images_out)
+        ray = image_ray(camera, pixel)
+        hit = trace_ray(scene, pinhole_range(camera), eye, worlds, worlds, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, worlds, view, hit, view, y, x, images_out)

@@ -11,7 +11,7 @@ import warp as wp
 
 from warpvis.kernels.casting.solids import SolidHit, is_outside, meet_solid, stretch_of, to_shape
 from warpvis.kernels.casting.worlds import Worlds, is_excluded
-from warpvis.kernels.pinhole import pose_origin, pose_rotation
+from warpvis.kernels.pinhole import Frame
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -167,28 +167,12 @@ def normal_of(mesh: wp.uint64, face: int, factors: wp.vec3d, direction: wp.vec3d
     return wp.normalize(facing)
 
 
-@wp.struct
-class CameraFrame:
-    """A camera in the frame of a mesh: the world or an object's frame."""
-
-    origin: wp.vec3d
-    rotation: wp.quatd
-
-
 @wp.func
-def camera_frame(pose: wp.transform) -> CameraFrame:
-    frame = CameraFrame()
-    frame.origin = pose_origin(pose)
-    frame.rotation = pose_rotation(pose)
-    return frame
-
-
-@wp.func
-def seen_from(camera: CameraFrame, pose: wp.transform) -> CameraFrame:
+def seen_from(camera: Frame, viewer: Frame) -> Frame:
     """Transform a camera into the frame of an object."""
-    inverse = wp.quat_inverse(pose_rotation(pose))
-    frame = CameraFrame()
-    frame.origin = wp.quat_rotate(inverse, camera.origin - pose_origin(pose))
+    inverse = wp.quat_inverse(viewer.rotation)
+    frame = Frame()
+    frame.origin = wp.quat_rotate(inverse, camera.origin - viewer.origin)
     frame.rotation = inverse * camera.rotation
     return frame
 
@@ -323,7 +307,7 @@ def shows_solid(kind: int, size: wp.vec4, origin: wp.vec3d) -> bool:
 
 
 @wp.func
-def solid_hit(kind: int, size: wp.vec4, frame: CameraFrame, ray: wp.vec3d) -> SolidHit:
+def solid_hit(kind: int, size: wp.vec4, frame: Frame, ray: wp.vec3d) -> SolidHit:
     """Intersect a ray with a solid's surface."""
     direction = to_shape(wp.quat_rotate(frame.rotation, ray), size)
     return meet_solid(kind, wp.float64(size[3]), to_shape(frame.origin, size), direction)

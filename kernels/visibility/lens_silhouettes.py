@@ -4,10 +4,10 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.triangle_scene import TriangleScene, camera_frame, seen_from, shows_solid
+from warpvis.kernels.casting.triangle_scene import TriangleScene, seen_from, shows_solid
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.constants import VISIBLE_PIXELS
-from warpvis.kernels.pinhole import Window, locate
+from warpvis.kernels.pinhole import Window, frame_of, locate
 from warpvis.kernels.visibility.silhouettes import (
     Canvas,
     Chosen,
@@ -81,7 +81,7 @@ def measure_silhouettes_rays(
         return
     if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, slot] == 0:
         return
-    frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
+    frame = seen_from(frame_of(camera_to_world[view]), frame_of(worlds.object_poses[world, index]))
     is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
     is_outside = is_outside_box(frame.origin, low, high)

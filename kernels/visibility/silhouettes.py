@@ -10,9 +10,7 @@ pixels of the canvas that an object's box may cover in a view.
 import warp as wp
 
 from warpvis.kernels.casting.triangle_scene import (
-    CameraFrame,
     TriangleScene,
-    camera_frame,
     corner,
     first_hit,
     plane_depth,
@@ -33,7 +31,7 @@ from warpvis.kernels.constants import (
     VISIBLE_BOX,
     VISIBLE_PIXELS,
 )
-from warpvis.kernels.pinhole import PinholeCamera, Window, forward_axis, locate, pixel_ray
+from warpvis.kernels.pinhole import Frame, PinholeCamera, Window, forward_axis, frame_of, locate, pixel_ray
 from warpvis.kernels.visibility.points import OCCLUDED, OUT_OF_VIEW, TOO_FAR, TOO_NEAR, VISIBLE
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -97,7 +95,7 @@ def meet_isolated(
     worlds: Worlds,
     view: int,
     index: int,
-    frame: CameraFrame,
+    frame: Frame,
     is_round: bool,
     ray: wp.vec3d,
     is_planar: bool,
@@ -124,7 +122,7 @@ def meet_isolated(
 
 
 @wp.func
-def is_met_from_outside(scene: TriangleScene, index: int, frame: CameraFrame, is_round: bool, ray: wp.vec3d) -> bool:
+def is_met_from_outside(scene: TriangleScene, index: int, frame: Frame, is_round: bool, ray: wp.vec3d) -> bool:
     """Return whether a ray hits an object whose box does not contain the camera: faster than finding the depth."""
     if is_round:
         solid_met = solid_hit(scene.movable_solid[index], scene.movable_size[index], frame, ray)
@@ -143,7 +141,7 @@ def is_outside_box(point: wp.vec3d, low: wp.vec3, high: wp.vec3) -> bool:
 
 
 @wp.func
-def covered_canvas(camera: PinholeCamera, frame: CameraFrame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
+def covered_canvas(camera: PinholeCamera, frame: Frame, canvas: Canvas, low: wp.vec3, high: wp.vec3) -> Canvas:
     """Return the part of the canvas that a box may cover: all of it if the box extends behind the camera."""
     zero = wp.float64(0.0)
     x0, y0 = wp.float64(canvas.x1), wp.float64(canvas.y1)
@@ -324,7 +322,7 @@ def measure_silhouettes(
         return
     if canvas.beyond_only != 0 and canvas.seen_only != 0 and counts_out[VISIBLE_PIXELS, view, slot] == 0:
         return
-    frame = seen_from(camera_frame(camera_to_world[view]), worlds.object_poses[world, index])
+    frame = seen_from(frame_of(camera_to_world[view]), frame_of(worlds.object_poses[world, index]))
     is_round = shows_solid(scene.movable_solid[index], scene.movable_size[index], frame.origin)
     low, high = chosen.boxes[index, 0], chosen.boxes[index, 1]
     part = covered_canvas(camera, frame, canvas, low, high)

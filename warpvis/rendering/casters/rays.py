@@ -49,9 +49,9 @@ class RaysCaster:
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
-        from warpvis.kernels.casting.rays import cast_rays, cast_rays_at
+        from warpvis.kernels.casting.rays import cast_rays
 
-        self._launch(*((cast_rays, []) if views.pixels is None else (cast_rays_at, [views.pixels])), views, images)
+        self._launch(cast_rays, [views.pixels], views, images)
 
     def _launch(
         self,
