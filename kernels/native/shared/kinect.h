@@ -82,9 +82,13 @@ struct Nguyen {
     inline void load(Shown& shown) const {
         int place[Numbers::PIXELS];
         Numbers::store(place, shown.row * row.width + shown.column, Numbers::PIXELS);
-        shown.depth = row.collect([&](int k) { return row.depth[place[k]]; });
-        for (int c = 0; c < 3; ++c)
-            shown.normal[c] = row.collect([&](int k) { return row.normals[3LL * place[k] + c]; });
+        float depths[Numbers::PIXELS], normals[3][Numbers::PIXELS];
+        for (int k = 0; k < Numbers::PIXELS; ++k) {
+            depths[k] = row.depth[place[k]];
+            for (int c = 0; c < 3; ++c) normals[c][k] = row.normals[3LL * place[k] + c];
+        }
+        shown.depth = Numbers::load(depths, Numbers::PIXELS);
+        for (int c = 0; c < 3; ++c) shown.normal[c] = Numbers::load(normals[c], Numbers::PIXELS);
     }
     // Depth at which the rays of a row's pixels meet the planes of these surfaces; the surface's own depth if they do
     // not meet, or if a pixel shows its own surface.
