@@ -10,10 +10,9 @@ import warp as wp
 from warpvis.kernels.casting.images import Images
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.native_source import include_native
+from warpvis.kernels.pinhole import PinholeCamera
 
-wp.set_module_options(
-    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/packets.h")}
-)
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.struct
@@ -53,33 +52,28 @@ class BvhScene:
 
 
 @wp.struct
+class WorkerMemory:
+    """Counters that the workers of a launch share, a `JobCounter` of ``native/shared`` that starts at 0, and memory."""
+
+    counter: wp.array[wp.int32]
+    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
+    scratch_bytes: wp.array[wp.int64]
+
+
+@wp.struct
 class PacketJob:
-    """Images to render, in units of strips. Counters are a `JobCounter` of ``native/shared`` and start at 0.
+    """Images to render, in units of strips.
 
     If `points` is positive, rays pass through that many points in every view instead of pixel centers; their
     coordinates are x y x y ... [px], and outputs have the shape (views, 1, points).
     """
 
-    views: int
-    height: int
-    width: int
-    strips: int
-    max_rows: int
-    strip_rows: wp.array[wp.int32]
-    focal_x: wp.float64
-    focal_y: wp.float64
-    center_x: wp.float64
-    center_y: wp.float64
-    near: float
-    far: float
-    clip_inv_z: float
-    clip_reach: float
+    camera: PinholeCamera
     cull_backfaces: int
+    strip_rows: wp.array[wp.int32]  # first row of each strip of a view, and the end of the last one
+    max_rows: int
     points: int
     pixels: wp.array[float]
-    counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
-    scratch_bytes: wp.array[wp.int64]
 
 
 @wp.struct
@@ -91,28 +85,73 @@ class PacketCall:
 
     scene: BvhScene
     job: PacketJob
+    workers: WorkerMemory
     poses: wp.array[wp.transform]
     worlds: Worlds
 
 
-@wp.func_native("warpvis::Launch::packets(calls.data[0], images_out.data[0]);")
-def cast_units(
-    calls: wp.array[PacketCall],
-    images_out: wp.array[Images],
-): ...
+@wp.struct
+class RemapJob:
+    """Images to render, in units of trees over parts of maps.
 
-
-@wp.kernel
-def cast_packets(
-    # In:
-    calls: wp.array[PacketCall],
-    # Out:
-    images_out: wp.array[Images],
-):
-    """Write the requested images (None is skipped) of one call; each array contains one element.
-
-    Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
-    units of work.
+    A map contains, for each pixel of (rows, columns), the position in the camera's image that it shows, x y x y ...
+    [px].
     """
-    _ = wp.tid()
-    cast_units(calls, images_out)
+
+    camera: PinholeCamera
+    cull_backfaces: int
+    rows: int
+    columns: int
+    tree_focal: wp.float64
+    pixels: wp.array[float]
+
+
+@wp.struct
+class RemapCall:
+    """The arguments of a launch, as in `PacketCall`."""
+
+    scene: BvhScene
+    job: RemapJob
+    workers: WorkerMemory
+    poses: wp.array[wp.transform]
+    worlds: Worlds
+
+
+def make_packet_kernel(header: str, units: str, call_type: type) -> wp.Kernel:
+    """Return the kernel that casts packets of calls of a type.
+
+    It is in a separate module, as compilation is slow.
+
+    Args:
+        header: The header of ``kernels/native`` with the units of work.
+        units: Their C++ type, as in `Launch::run` of ``native/cpu/packets.h``.
+        call_type: The struct of a call.
+    """
+
+    @wp.func_native(f"warpvis::Launch::cast<warpvis::{units}>(calls.data[0], images_out.data[0]);")
+    def cast_units(calls: wp.array[call_type], images_out: wp.array[Images]): ...
+
+    options = include_native(header)
+
+    @wp.kernel(
+        module="unique", enable_backward=False, grid_stride=False, module_options={"extra_build_options": options}
+    )
+    def cast_packets(
+        # In:
+        calls: wp.array[call_type],
+        # Out:
+        images_out: wp.array[Images],
+    ):
+        """Write the requested images (None is skipped) of one call; each array contains one element.
+
+        Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
+        units of work.
+        """
+        _ = wp.tid()
+        cast_units(calls, images_out)
+
+    return cast_packets
+
+
+cast_packets = make_packet_kernel("cpu/packets.h", "Strips", PacketCall)
+cast_remapped_packets = make_packet_kernel("cpu/remap.h", "Maps", RemapCall)

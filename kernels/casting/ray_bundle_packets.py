@@ -4,12 +4,9 @@
 
 import warp as wp
 
-from warpvis.kernels.casting.images import Images
-from warpvis.kernels.casting.packets import BvhScene
+from warpvis.kernels.casting.packets import BvhScene, WorkerMemory, make_packet_kernel
 from warpvis.kernels.casting.worlds import Worlds
-from warpvis.kernels.native_source import include_native
-
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+from warpvis.kernels.pinhole import PinholeCamera
 
 
 @wp.struct
@@ -41,20 +38,11 @@ class RayBundles:
 
 @wp.struct
 class TableJob:
-    """Images to render, in units of bundles. Counters are a `JobCounter` of ``native/shared`` and start at 0."""
+    """Images to render, in units of bundles."""
 
-    views: int
-    height: int
-    width: int
-    near: float
-    far: float
-    clip_inv_z: float
-    clip_reach: float
+    camera: PinholeCamera  # size of the table, range and clipping; the rest is not read
     cull_backfaces: int
-    bundle_far: wp.array[float]
-    counter: wp.array[wp.int32]
-    scratch: wp.array2d[wp.uint8]  # per worker; None to measure the bytes that a worker needs
-    scratch_bytes: wp.array[wp.int64]
+    bundle_far: wp.array[float]  # greatest z of a bundle's rays that are in range
 
 
 @wp.struct
@@ -77,45 +65,16 @@ class RayOrigins:
 
 @wp.struct
 class TableCall:
-    """The arguments of a launch; see `kernels.casting.packets.PacketCall`."""
+    """The arguments of a launch, as in `kernels.casting.packets.PacketCall`."""
 
     scene: BvhScene
     job: TableJob
+    workers: WorkerMemory
     rays: RayBundles
     origins: RayOrigins
     poses: wp.array[wp.transform]
     worlds: Worlds
 
 
-def _make_kernel(rays: str) -> wp.Kernel:
-    """Return the kernel for a ``RayKind`` of ``native/cpu/image.h``, in a separate module, as compilation is slow."""
-
-    @wp.func_native(f"warpvis::TableLaunch::table<warpvis::{rays}>(calls.data[0], images_out.data[0]);")
-    def cast_bundles(
-        calls: wp.array[TableCall],
-        images_out: wp.array[Images],
-    ): ...
-
-    options = include_native("cpu/table.h")
-
-    @wp.kernel(
-        module="unique", enable_backward=False, grid_stride=False, module_options={"extra_build_options": options}
-    )
-    def cast_table_packets(
-        # In:
-        calls: wp.array[TableCall],
-        # Out:
-        images_out: wp.array[Images],
-    ):
-        """Write the requested images (None is skipped) of one call; each array contains one element.
-
-        Every worker launches this kernel with the same arguments. The job's shared counters assign worker indices and
-        units of work.
-        """
-        _ = wp.tid()
-        cast_bundles(calls, images_out)
-
-    return cast_table_packets
-
-
-cast_table_packets, cast_ray_origin_packets = _make_kernel("TABLE_RAYS"), _make_kernel("ORIGIN_RAYS")
+cast_table_packets = make_packet_kernel("cpu/table.h", "Bundles<warpvis::TABLE_RAYS>", TableCall)
+cast_ray_origin_packets = make_packet_kernel("cpu/table.h", "Bundles<warpvis::ORIGIN_RAYS>", TableCall)

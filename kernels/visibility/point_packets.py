@@ -33,49 +33,27 @@ class PointJob:
     taken: wp.array[wp.int32]  # [worker]: whether its memory is in use; initially 0
 
 
-_JUDGE = """
-const warpvis::PointJob request = {.place = (const float*)points.data,
-                                   .count = points.shape[0],
-                                   .batch = job.batch,
-                                   .strip_tiles = job.strip_tiles,
-                                   .views_are_units = job.views_are_units != 0,
-                                   .with_id = job.with_id != 0,
-                                   .width = camera.width * job.scale,
-                                   .height = camera.height * job.scale,
-                                   .tolerance = tolerance,
-                                   .status = status.data,
-                                   .occluders = occluders.data};
-warpvis::PointLaunch::judge(job, warpvis::Scene::of(scene, worlds), scene.levels,
-                            warpvis::Job::of_camera(camera, camera_to_world, job.scale), request);
-"""
+@wp.struct
+class PointCall:
+    """The inputs of a launch."""
+
+    scene: BvhScene
+    camera: PinholeCamera
+    poses: wp.array[wp.transform]
+    job: PointJob
+    worlds: Worlds
+    points: wp.array[wp.vec3]
+    tolerance: float
 
 
-@wp.func_native(_JUDGE)
-def judge_units(
-    scene: BvhScene,
-    camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
-    job: PointJob,
-    worlds: Worlds,
-    points: wp.array[wp.vec3],
-    tolerance: float,
-    status: wp.array2d[wp.uint8],
-    occluders: wp.array2d[wp.int32],
-): ...
+@wp.func_native("warpvis::PointLaunch::judge(call, status, occluders);")
+def judge_units(call: PointCall, status: wp.array2d[wp.uint8], occluders: wp.array2d[wp.int32]): ...
 
 
 @wp.kernel
 def judge_points_packets(
-    # Scene:
-    scene: BvhScene,
-    # Cameras:
-    camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
-    job: PointJob,
     # In:
-    worlds: Worlds,
-    points: wp.array[wp.vec3],
-    tolerance: float,
+    call: PointCall,
     # Out:
     status_out: wp.array2d[wp.uint8],
     occluders_out: wp.array2d[wp.int32],
@@ -86,4 +64,4 @@ def judge_points_packets(
     units of work.
     """
     _ = wp.tid()
-    judge_units(scene, camera, camera_to_world, job, worlds, points, tolerance, status_out, occluders_out)
+    judge_units(call, status_out, occluders_out)

@@ -261,7 +261,7 @@ Pictures cast(const SceneBvh& c, const Worlds& worlds, const Lens& lens, const S
     Exact<int> counter(warpvis::JOB_COUNTERS, 0);
     run_workers(shares, measure(carve), counter.data, [&](warpvis::Arena& arena) {
         const warpvis::StripMemory memory = carve(arena);
-        warpvis::Packets<warpvis::PIXEL_RAYS>::run(scene, job, out, memory, counter.data);
+        warpvis::Launch::run<warpvis::Strips>(scene, job, out, memory, counter.data);
     });
     return made;
 }

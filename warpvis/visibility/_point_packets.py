@@ -86,7 +86,7 @@ def judge_by_packets(
 
     The scene is on the CPU; `poses` are rows of `host_poses`, and `points` finite vec3.
     """
-    from warpvis.kernels.visibility.point_packets import judge_points_packets
+    from warpvis.kernels.visibility.point_packets import PointCall, judge_points_packets
 
     if not status.size:
         return
@@ -96,15 +96,18 @@ def judge_by_packets(
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
     space = _take(clusters, layout)
     space.counter[:] = 0
-    rows = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
-    lens = camera.device_struct()
-    inputs = [clusters.struct, lens, rows, space.job, worlds, points, tolerance, status, occluders]
-    launch = pack_launch(judge_points_packets, inputs)
+    call = PointCall()
+    call.scene, call.camera, call.job, call.worlds = clusters.struct, camera.device_struct(), space.job, worlds
+    call.poses = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
+    call.points, call.tolerance = points, tolerance
     if space.job.bins is None:
-        launch.launch()  # without scratch memory, it only writes the sizes that it needs to `job.bytes`
+        # Without scratch memory, a launch only writes the sizes that it needs to `job.bytes`.
+        pack_launch(judge_points_packets, [call, status, occluders]).launch()
         bins, scratch = space.job.bytes.numpy().tolist()
         space.job.bins = aligned_empty((layout.workers if layout.views_are_units else 1, bins), wp.uint8)
         space.job.scratch = aligned_empty((layout.workers, scratch), wp.uint8)
+        call.job = space.job
+    launch = pack_launch(judge_points_packets, [call, status, occluders])
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.free_workspaces) < _MAX_CACHED:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
@@ -143,17 +143,20 @@ class SilhouetteCounter:
     def _count_by_packets(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
-        from warpvis.kernels.visibility.silhouette_packets import SilhouetteJob, measure_silhouettes_packets
+        from warpvis.kernels.visibility.silhouette_packets import SilhouetteCall, measure_silhouettes_packets
 
         workers = min(self._threads, len(poses) * len(self._chosen.index))
-        counter, job = np.zeros(JOB_COUNTERS, dtype=np.int32), SilhouetteJob()
-        job.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
-        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        scene, camera = self._isolated.bvh().struct, self._camera.device_struct()
-        arguments = [scene, self._chosen, camera, poses, job, self._canvas, worlds, compared, *outputs]
-        launch = pack_launch(measure_silhouettes_packets, arguments)
-        launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
-        job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
+        counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
+        call: Any = SilhouetteCall()
+        call.scene, call.chosen, call.camera = self._isolated.bvh().struct, self._chosen, self._camera.device_struct()
+        call.poses, call.canvas, call.worlds, call.comparison = poses, self._canvas, worlds, compared
+        shared = call.workers
+        shared.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
+        shared.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        # Without scratch memory, a launch only writes the size that it needs to `scratch_bytes`.
+        pack_launch(measure_silhouettes_packets, [call, *outputs]).launch()
+        shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
+        launch = pack_launch(measure_silhouettes_packets, [call, *outputs])
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 

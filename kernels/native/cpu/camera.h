@@ -33,38 +33,36 @@ struct Job {
     int points;  // per view, if rays pass through points instead of pixel centers; else 0
     const float* pixels;  // [view][point]: x and y in pixels
 
-    // The job of a `PacketJob` of kernels/casting/packets.py.
-    template <class PacketJob, class Poses>
-    static inline Job of(const PacketJob& job, const Poses& poses) {
-        return Job{.views = job.views,
-                   .height = job.height,
-                   .width = job.width,
-                   .strips = job.strips,
-                   .strip_rows = job.strip_rows.data,
-                   .max_rows = job.max_rows,
-                   .focal = {job.focal_x, job.focal_y},
-                   .center = {job.center_x, job.center_y},
-                   .near = job.near,
-                   .far = job.far,
-                   .clip_inv_z = job.clip_inv_z,
-                   .clip_reach = job.clip_reach,
-                   .cull_back_faces = job.cull_backfaces != 0,
-                   .poses = (const float*)poses.data,
-                   .points = job.points,
-                   .pixels = job.pixels.data};
-    }
     // The images of a `PinholeCamera` of kernels/pinhole.py, at a multiple of its resolution.
     template <class PinholeCamera, class Poses>
-    static inline Job of_camera(const PinholeCamera& camera, const Poses& poses, double scale) {
+    static inline Job of_camera(const PinholeCamera& camera, const Poses& poses, double scale = 1.0) {
         Job job = Job();
         job.views = poses.shape[0];
         job.height = (int)__builtin_ceil(camera.height * scale);
         job.width = (int)__builtin_ceil(camera.width * scale);
         job.focal[0] = camera.fx * scale, job.focal[1] = camera.fy * scale;
         job.center[0] = camera.cx * scale, job.center[1] = camera.cy * scale;
-        job.near = camera.near;
-        job.far = camera.far;
+        job.near = camera.near, job.far = camera.far;
+        job.clip_inv_z = camera.clip_inv_z, job.clip_reach = camera.clip_reach;
         job.poses = (const float*)poses.data;
+        return job;
+    }
+    // The images of a call of kernels/casting/packets.py or ray_bundle_packets.py.
+    template <class Call>
+    static inline Job of_call(const Call& call) {
+        Job job = of_camera(call.job.camera, call.poses);
+        job.cull_back_faces = call.job.cull_backfaces != 0;
+        return job;
+    }
+    // The job of a `PacketCall` of kernels/casting/packets.py.
+    template <class PacketCall>
+    static inline Job of(const PacketCall& call) {
+        Job job = of_call(call);
+        job.strips = call.job.strip_rows.shape[0] - 1;
+        job.strip_rows = call.job.strip_rows.data;
+        job.max_rows = call.job.max_rows;
+        job.points = call.job.points;
+        job.pixels = call.job.pixels.data;
         return job;
     }
     inline Pose pose_of(int view) const { return Pose::from(poses + (long long)view * POSE_WORDS); }
@@ -220,7 +218,8 @@ struct Rays {
         }
         return rays;
     }
-    inline Points at(Floats u, float v) const {
+    template <class Number>
+    inline Points at(Floats u, Number v) const {
         return Points{u * right[0] + (v * down[0] + forward[0]), u * right[1] + (v * down[1] + forward[1]),
                       u * right[2] + (v * down[2] + forward[2])};
     }

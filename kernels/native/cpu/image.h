@@ -59,6 +59,17 @@ struct Grid {
     // Position of each block of a tile, in pixels.
     static inline Ints block_x() { return column() * (int)BLOCK_SIDE; }
     static inline Ints block_y() { return row() * (int)BLOCK_SIDE; }
+
+    // Load a block from rows of `width` values.
+    static inline Floats window(const float* first, long long width) {
+        typedef float Four __attribute__((ext_vector_type(4)));
+        typedef float Eight __attribute__((ext_vector_type(8)));
+        Four row[BLOCK_SIDE];
+        for (int y = 0; y < BLOCK_SIDE; ++y) __builtin_memcpy(&row[y], first + y * width, sizeof row[y]);
+        const Eight low = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
+        const Eight high = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
+        return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    }
 };
 
 struct ExactOcclusion;
@@ -70,25 +81,23 @@ struct Image {
     int view_height;
     int tiles_x, tiles_y;
     float center_x, center_y;  // the principal point, in pixels of the strip
-    int* empty;  // whether inv_z is zero everywhere
-    float* inv_z;  // [tile][block][pixel]: greatest 1 / z so far
-    int* id;  // the triangle or object there; null if not requested
+    int* empty = nullptr;  // whether inv_z is zero everywhere
+    float* inv_z = nullptr;  // [tile][block][pixel]: greatest 1 / z so far
+    int* id = nullptr;  // the triangle or object there; null if not requested
     // [block]: index of its first packet of points, and the end of the last one; null if rays pass through pixel
     // centers
-    int* first_packet;
-    int* point_index;  // [packet][lane]: index of the point, -1 for an empty lane
-    float* point_u;  // [packet][lane]
-    float* point_v;
-    float* rows;  // four rows of inv_z being written out
-    int* id_rows;
-    float* block_min;  // [tile][block]: lower bound of inv_z in a block, exact unless it is stale
-    float* tile_min;  // [tile]: the same for a tile
-    unsigned char* block_stale;
-    unsigned char* tile_stale;
-    float clip_inv_z;  // nearer surfaces are clipped
-    const ExactOcclusion*
-        occlusion;  // for points whose lanes start with the greatest inv_z that does not occlude them, or null
-    const RayTree* tree;  // the tree whose packets are the blocks, if rays are from a ray table
+    int* first_packet = nullptr;
+    int* point_index = nullptr;  // [packet][lane]: index of the point, -1 for an empty lane
+    float *point_u = nullptr, *point_v = nullptr;  // [packet][lane]
+    float* rows = nullptr;  // four rows of inv_z being written out
+    int* id_rows = nullptr;
+    float* block_min = nullptr;  // [tile][block]: lower bound of inv_z in a block, exact unless it is stale
+    float* tile_min = nullptr;  // [tile]: the same for a tile
+    unsigned char *block_stale = nullptr, *tile_stale = nullptr;
+    float clip_inv_z = __builtin_inff();  // nearer surfaces are clipped
+    // for points whose lanes start with the greatest inv_z that does not occlude them, or null
+    const ExactOcclusion* occlusion = nullptr;
+    const RayTree* tree = nullptr;  // the tree whose packets are the blocks, if rays are from a ray table
 
     static inline int column_part(int x) { return Grid::column_part(x); }
     inline int row_part(int y) const { return Grid::row_part(y, tiles_x); }

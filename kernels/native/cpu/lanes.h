@@ -15,6 +15,17 @@ typedef float Floats __attribute__((ext_vector_type(LANES)));
 typedef int Ints __attribute__((ext_vector_type(LANES)));
 typedef double Doubles __attribute__((ext_vector_type(LANES)));
 
+// Positions of the bits that are set, in ascending order.
+struct SetBits {
+    unsigned remaining;
+
+    inline SetBits begin() const { return *this; }
+    inline SetBits end() const { return SetBits{0}; }
+    inline bool operator!=(SetBits) const { return remaining != 0; }
+    inline int operator*() const { return __builtin_ctz(remaining); }
+    inline void operator++() { remaining &= remaining - 1; }
+};
+
 struct Lanes {
     static inline Floats all(float value) { return (Floats)(value); }
     static inline Ints all_ints(int value) { return (Ints)(value); }
@@ -48,7 +59,7 @@ struct Lanes {
         return a[0] < a[1] ? a[0] : a[1];
     }
     static inline Floats abs(Floats a) { return __builtin_elementwise_abs(a); }
-    // One bit for every true lane, so that a loop can visit only those.
+    // One bit for every true lane.
     static inline unsigned bits(Ints mask) {
         typedef bool Bools __attribute__((ext_vector_type(LANES)));
         const Bools narrow = __builtin_convertvector(mask, Bools);
@@ -58,6 +69,9 @@ struct Lanes {
     }
     static inline bool any(Ints mask) { return bits(mask) != 0; }
     static inline int first_lane(unsigned bits) { return __builtin_ctz(bits); }
+    // The lanes whose bits are set, or true lanes, in a loop: `for (const int k : Lanes::each(bits))`.
+    static inline SetBits each(unsigned bits) { return SetBits{bits}; }
+    static inline SetBits each(Ints mask) { return SetBits{bits(mask)}; }
 };
 
 // Three coordinates of sixteen points.
@@ -65,6 +79,10 @@ struct Points {
     Floats x, y, z;
 
     static inline Points minus(Points a, Points b) { return Points{a.x - b.x, a.y - b.y, a.z - b.z}; }
+    static inline Points all(float value) { return Points{Lanes::all(value), Lanes::all(value), Lanes::all(value)}; }
+    static inline Points select(Ints mask, Points a, Points b) {
+        return Points{mask ? a.x : b.x, mask ? a.y : b.y, mask ? a.z : b.z};
+    }
     static inline Points plus(Points a, Points b) { return Points{a.x + b.x, a.y + b.y, a.z + b.z}; }
     static inline Floats dot(Points a, Points b) { return a.x * b.x + (a.y * b.y + a.z * b.z); }
     static inline Points cross(Points a, Points b) {

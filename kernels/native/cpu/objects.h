@@ -130,8 +130,7 @@ struct Queue {
     inline void add(const Movables& movables, const World& world, int first, const ScreenBounds& bounds) {
         if (!Lanes::any(bounds.shown)) return;
         const ScreenBounds::Lane lanes = bounds.lanes(nearer());
-        for (unsigned remaining = Lanes::bits(bounds.shown); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(bounds.shown)) {
             if (!world.excludes(movables.object[first + k])) visits[count++] = lanes.visit(k, first + k);
         }
     }

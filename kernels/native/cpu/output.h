@@ -13,25 +13,15 @@ struct Write {
     // Whole cache lines are stored with non-temporal hints, which bypass the caches: this code does not read the images
     // again.
     static inline bool aligned(const void* to) { return ((unsigned long long)to & (Arena::ALIGNMENT - 1)) == 0; }
-    static inline void stream(float* to, Floats value) {
+    template <class Number, class Values>
+    static inline void stream(Number* to, Values value) {
         if (aligned(to))
-            __builtin_nontemporal_store(value, (Floats*)to);
+            __builtin_nontemporal_store(value, (Values*)to);
         else
             Lanes::store(to, value);
     }
-    static inline void stream(int* to, Ints value) {
-        if (aligned(to))
-            __builtin_nontemporal_store(value, (Ints*)to);
-        else
-            Lanes::store(to, value);
-    }
-    static inline void row(float* to, Floats value, int count) {
-        if (count == LANES)
-            stream(to, value);
-        else
-            for (int i = 0; i < count; ++i) to[i] = value[i];
-    }
-    static inline void row(int* to, Ints value, int count) {
+    template <class Number, class Values>
+    static inline void row(Number* to, Values value, int count) {
         if (count == LANES)
             stream(to, value);
         else
@@ -113,6 +103,33 @@ struct NormalCache {
     }
 };
 
+// Depth of rays, and a mask of those with a hit in range.
+struct InRange {
+    Floats depth;
+    Ints seen;
+
+    static inline InRange of(Floats inv_z, Floats depth, float near, float far) {
+        const Floats infinity = Lanes::all(__builtin_inff());
+        const Ints far_enough = depth >= Lanes::all(near);
+        const Ints seen = far_enough & (depth <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
+        return InRange{seen ? depth : (far_enough ? infinity : -infinity), seen};
+    }
+    // Planar depth.
+    static inline InRange of(Floats inv_z, float near, float far) { return of(inv_z, 1.0f / inv_z, near, far); }
+    // Points on rays from the origin, at a given distance along them; NaN if nothing is in range.
+    inline Points along(const Points& ray, Floats distance, const float* origin) const {
+        const Floats reach = seen ? distance : Lanes::all(__builtin_nanf(""));
+        return Points{reach * ray.x + origin[0], reach * ray.y + origin[1], reach * ray.z + origin[2]};
+    }
+};
+
+// Results of LANES rays.
+struct Hits {
+    Floats depth;
+    Points point, normal;
+    Ints object;
+};
+
 // Writes the images of a view from its z-buffer.
 struct Writer {
     Lookup lookup;
@@ -125,21 +142,17 @@ struct Writer {
     Mode mode;
     NormalCache* normal_cache = nullptr;  // of this view, initially empty
 
-    // Normals at a row of pixels, given u and v of the first one.
-    inline Points normals(Ints ids, Ints seen, double u, double v) {
+    // Normals at rays through image points.
+    inline Points normals(Ints ids, Ints seen, Doubles u, Doubles v) {
         if (!lookup.moving) return triangle_normals(ids, Lanes::bits(seen));
-        const Doubles column = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        const Floats none = Lanes::all(0.0f);
-        Points round = {none, none, none};
-        const Ints solid = lookup.solid_normals(ids, seen, u + column, v + (Doubles)(0.0), round);
-        const Points n = triangle_normals(ids, Lanes::bits(seen & ~solid));
-        return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
+        Points round = Points::all(0.0f);
+        const Ints solid = lookup.solid_normals(ids, seen, u, v, round);
+        return Points::select(solid, round, triangle_normals(ids, Lanes::bits(seen & ~solid)));
     }
 
     // Normals of the triangles at a row of pixels, each looked up once: adjacent pixels mostly share a triangle.
     inline Points triangle_normals(Ints ids, unsigned seen) {
-        const Floats none = Lanes::all(__builtin_nanf(""));
-        Points n = {none, none, none};
+        Points n = Points::all(__builtin_nanf(""));
         int id[LANES];
         Lanes::store(id, ids);
         const Ints active = ((Lanes::all_ints((int)seen) >> Lanes::index()) & 1) == 1;
@@ -148,10 +161,9 @@ struct Writer {
             float computed[3];
             const float* normal = normal_cache ? normal_cache->find(lookup, first) : computed;
             if (!normal_cache) lookup.normal_of(first, computed);
-            const Ints same = ids == first, shown = same & active;
-            n.x = shown ? Lanes::all(normal[0]) : n.x;
-            n.y = shown ? Lanes::all(normal[1]) : n.y;
-            n.z = shown ? Lanes::all(normal[2]) : n.z;
+            const Ints same = ids == first;
+            const Points found = {Lanes::all(normal[0]), Lanes::all(normal[1]), Lanes::all(normal[2])};
+            n = Points::select(same & active, found, n);
             seen &= ~Lanes::bits(same);
         }
         return n;
@@ -161,12 +173,12 @@ struct Writer {
     inline Ints faces(Ints ids, Ints seen) {
         int of[LANES];
         Lanes::store(of, ids);
-        for (unsigned remaining = Lanes::bits(seen); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(seen)) {
             of[k] = face_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
     }
+
     inline int face_of(int id) {
         const int slot = lookup.slot_of(id);
         return slot < 0 ? -1 : out.slot_face[slot];
@@ -177,8 +189,7 @@ struct Writer {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
         int of[LANES];
         Lanes::store(of, id);
-        for (unsigned remaining = Lanes::bits(seen); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(seen)) {
             of[k] = lookup.object_of(of[k]);
         }
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
@@ -196,39 +207,22 @@ struct Writer {
         }
     }
 
-    // Depth of a row of pixels, and a mask of those in range.
-    struct Range {
-        Floats z, depth;
-        Ints seen;
-
-        static inline Range of(Floats inv_z, float near, float far) {
-            const Floats z = 1.0f / inv_z, infinity = Lanes::all(__builtin_inff());
-            const Ints far_enough = z >= Lanes::all(near);
-            const Ints seen = far_enough & (z <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
-            return Range{z, seen ? z : (far_enough ? infinity : -infinity), seen};
-        }
-        // Points on rays from the origin; NaN if nothing is in range.
-        inline Points along(const Points& ray, const float* origin) const {
-            const Floats reach = seen ? z : Lanes::all(__builtin_nanf(""));
-            return Points{reach * ray.x + origin[0], reach * ray.y + origin[1], reach * ray.z + origin[2]};
-        }
-    };
-
     // Write LANES pixels of a row to each requested image. Some images need an id, and in MODE_TRIANGLES some need a
     // triangle's id.
     inline void row(int x, int y, Floats inv_z, Ints id) {
         const int count = count_from(x, image.width);
         const long long offset = (view * job.height + image.first_row + y) * job.width + x;
-        const Range range = Range::of(inv_z, job.near, job.far);
+        const InRange range = InRange::of(inv_z, job.near, job.far);
         const Ints seen = range.seen;
         if (out.depth) Write::row(out.depth + offset, range.depth, count);
         if (out.points) {
             const Points ray = rays.at((Lanes::index_floats() + (float)x) + camera.first_u,
                                        (float)(y + image.first_row) + camera.first_v);
-            Write::row(out.points + offset * 3, range.along(ray, camera.origin), count);
+            Write::row(out.points + offset * 3, range.along(ray, range.depth, camera.origin), count);
         }
         if (mode == MODE_TRIANGLES && out.normals) {
-            const double u = x + 0.5 - job.center[0], v = y + image.first_row + 0.5 - job.center[1];
+            const Doubles u = (x + 0.5 - job.center[0]) + __builtin_convertvector(Lanes::index(), Doubles);
+            const Doubles v = (Doubles)(y + image.first_row + 0.5 - job.center[1]);
             Write::row(out.normals + offset * 3, normals(id, seen, u, v), count);
         }
         if (mode == MODE_TRIANGLES && out.faces) Write::row(out.faces + offset, faces(id, seen), count);
@@ -236,6 +230,32 @@ struct Writer {
         const Ints object = objects(id, seen);
         if (out.segmentation) Write::row(out.segmentation + offset, object, count);
         if (out.labels) labels(out.labels + offset, out.object_label, object, count);
+    }
+
+    // Write the results of rays to pixels that are not adjacent; runs of `run` lanes are.
+    inline __attribute__((always_inline)) void put(const Hits& hits, long long first, const int* place, int run) const {
+        if (out.depth) Write::put(out.depth + first, place, run, hits.depth);
+        if (out.points) Write::put(out.points + first * 3, place, hits.point);
+        if (mode == MODE_DEPTH) return;
+        if (mode == MODE_TRIANGLES && out.normals) Write::put(out.normals + first * 3, place, hits.normal);
+        if (out.segmentation) Write::put((float*)out.segmentation + first, place, run, (Floats)hits.object);
+        if (!out.labels) return;
+        unsigned char label[LANES];
+        labels(label, out.object_label, hits.object, LANES);
+        for (int lane = 0; lane < LANES; ++lane)
+            if (place[lane] >= 0) out.labels[first + place[lane]] = label[lane];
+    }
+    // Write a pixel without a ray, or with a ray outside the image, as empty.
+    static inline void put_empty(const Images& out, long long place) {
+        const float nothing = __builtin_nanf("");
+        if (out.depth) out.depth[place] = __builtin_inff();
+        for (int k = 0; k < 3; ++k) {
+            if (out.points) out.points[place * 3 + k] = nothing;
+            if (out.normals) out.normals[place * 3 + k] = nothing;
+        }
+        if (out.segmentation) out.segmentation[place] = -1;
+        if (out.faces) out.faces[place] = -1;
+        if (out.labels) out.labels[place] = LABEL_EMPTY;
     }
 
     // Write rows of pixels from rows of blocks, and clear the blocks. Rows are buffered in memory that stays in cache,
@@ -265,7 +285,7 @@ struct Writer {
     }
     static inline void depth_row(float* to, const float* row_inv_z, int width, float near, float far) {
         for (int x = 0; x < width; x += LANES)
-            Write::row(to + x, Range::of(Lanes::load(row_inv_z + x), near, far).depth, count_from(x, width));
+            Write::row(to + x, InRange::of(Lanes::load(row_inv_z + x), near, far).depth, count_from(x, width));
     }
     inline void point_row(float* to, const float* row_inv_z, int y) const {
         const int width = image.width;
@@ -273,9 +293,9 @@ struct Writer {
         const float first_u = camera.first_u, origin[3] = {camera.origin[0], camera.origin[1], camera.origin[2]};
         const Rays from = rays;
         for (int x = 0; x < width; x += LANES) {
-            const Range range = Range::of(Lanes::load(row_inv_z + x), near, far);
+            const InRange range = InRange::of(Lanes::load(row_inv_z + x), near, far);
             const Points ray = from.at((Lanes::index_floats() + (float)x) + first_u, v);
-            Write::row(to + 3LL * x, range.along(ray, origin), count_from(x, width));
+            Write::row(to + 3LL * x, range.along(ray, range.depth, origin), count_from(x, width));
         }
     }
     static inline int count_from(int x, int width) { return width - x < LANES ? width - x : LANES; }

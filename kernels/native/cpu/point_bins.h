@@ -5,6 +5,7 @@
 
 #pragma once
 
+#include "cpu/number_lanes.h"
 #include "cpu/packets.h"
 
 // A point in view and in range.
@@ -27,6 +28,21 @@ struct PointJob {
     unsigned char* status;  // [view][point]
     int* occluders;  // [view][point], or null
 
+    // The job of a `PointCall` of kernels/visibility/point_packets.py.
+    template <class PointCall, class Status, class Occluders>
+    static inline PointJob of(const PointCall& call, const Status& status, const Occluders& occluders) {
+        return PointJob{.place = (const float*)call.points.data,
+                        .count = call.points.shape[0],
+                        .batch = call.job.batch,
+                        .strip_tiles = call.job.strip_tiles,
+                        .views_are_units = call.job.views_are_units != 0,
+                        .with_id = call.job.with_id != 0,
+                        .width = call.camera.width * call.job.scale,
+                        .height = call.camera.height * call.job.scale,
+                        .tolerance = call.tolerance,
+                        .status = status.data,
+                        .occluders = occluders.data};
+    }
     inline int batches() const { return (int)(((long long)count + batch - 1) / batch); }
     inline int chunks() const { return (batch + POINT_CHUNK - 1) / POINT_CHUNK; }  // per batch
     inline int strips(int tiles_y) const { return (tiles_y + strip_tiles - 1) / strip_tiles; }
@@ -81,10 +97,6 @@ struct PointMemory {
         PointMemory memory;
         memory.placed = (ProjectedPoint*)arena.take((points.batch + LANES) * (long long)sizeof(ProjectedPoint));
         memory.cell_ends = arena.ints((long long)tiles_x * TILE_BLOCKS);
-        memory.image.empty = nullptr;
-        memory.image.rows = nullptr;
-        memory.image.id_rows = nullptr;
-        memory.image.clip_inv_z = __builtin_inff();
         memory.image.first_packet = arena.ints(tiles * TILE_BLOCKS + 1);
         memory.image.take_blocks(arena, tiles);
         memory.traversal = Traversal::carve(arena, movables, levels);
@@ -200,7 +212,9 @@ struct PointChunk {
         int found = 0;
         for (int i = 0; i < count; i += LANES) {
             const int chunk = count - i < LANES ? count - i : LANES;
-            const Projection p = Projection::of(pose, work.job, points, load(points.place + (first + i) * 3LL, chunk));
+            Floats place[3];
+            PixelLanes::load_triples(points.place + (first + i) * 3LL, place, chunk);
+            const Projection p = Projection::of(pose, work.job, points, Points{place[0], place[1], place[2]});
             write(points, (long long)view * points.count + first + i, p.status, chunk);
             unsigned seen = Lanes::bits(p.status == Lanes::all_ints(POINT_VISIBLE)) & ((1u << chunk) - 1);
             if (!seen) continue;
@@ -211,8 +225,7 @@ struct PointChunk {
             Lanes::store(inv_z, p.inv_z);
             Lanes::store(key, (p.cell_of_row() << POINT_CHUNK_BITS) | (Lanes::index() + i));
             Lanes::store(row, p.row >> TILE_SHIFT);
-            for (; seen; seen &= seen - 1) {
-                const int k = Lanes::first_lane(seen);
+            for (const int k : Lanes::each(seen)) {
                 loose[found] = ProjectedPoint{u[k], v[k], inv_z[k], (unsigned)key[k]};
                 row_of[found++] = (unsigned short)row[k];
             }
@@ -229,29 +242,11 @@ struct PointChunk {
         }
     }
 
-    // Load a point into each lane, or `count` points.
-    static inline Points load(const float* from, int count) {
-        float last[3 * LANES] = {};
-        if (count < LANES) {
-            __builtin_memcpy(last, from, count * 3 * sizeof(last[0]));
-            from = last;
-        }
-        const Floats a = Lanes::load(from), b = Lanes::load(from + LANES), c = Lanes::load(from + 2 * LANES);
-        const Floats x = __builtin_shufflevector(a, b, 0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 30, 0, 0, 0, 0, 0);
-        const Floats y = __builtin_shufflevector(a, b, 1, 4, 7, 10, 13, 16, 19, 22, 25, 28, 31, 0, 0, 0, 0, 0);
-        const Floats z = __builtin_shufflevector(a, b, 2, 5, 8, 11, 14, 17, 20, 23, 26, 29, 0, 0, 0, 0, 0, 0);
-        return Points{__builtin_shufflevector(x, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 17, 20, 23, 26, 29),
-                      __builtin_shufflevector(y, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 18, 21, 24, 27, 30),
-                      __builtin_shufflevector(z, c, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 16, 19, 22, 25, 28, 31)};
-    }
-
     static inline void write(const PointJob& points, long long offset, Ints status, int count) {
-        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
-        const Bytes narrow = __builtin_convertvector(status, Bytes);
         if (count == LANES)
-            __builtin_memcpy(points.status + offset, &narrow, LANES);
+            PixelLanes::store(points.status + offset, status, LANES);  // of a known size: one instruction
         else
-            __builtin_memcpy(points.status + offset, &narrow, count);
+            PixelLanes::store(points.status + offset, status, count);
         for (int k = 0; k < count && points.occluders; ++k) points.occluders[offset + k] = -1;
     }
 };

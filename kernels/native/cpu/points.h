@@ -125,8 +125,8 @@ struct PointStrip {
             Ints hidden = Lanes::load(image.point_index + first) >= Lanes::all_ints(0);
             hidden &= image.id ? Lanes::load(image.id + first) >= Lanes::all_ints(0)
                                : Lanes::load(image.inv_z + first) == Lanes::all(NOWHERE);
-            for (unsigned remaining = Lanes::bits(hidden); remaining; remaining &= remaining - 1) {
-                const int lane = first + Lanes::first_lane(remaining);
+            for (const int k : Lanes::each(hidden)) {
+                const int lane = first + k;
                 points.status[first_point + image.point_index[lane]] = POINT_OCCLUDED;
                 if (points.occluders) points.occluders[first_point + image.point_index[lane]] = image.id[lane];
             }
@@ -203,28 +203,34 @@ struct PointPackets {
 };
 
 struct PointLaunch {
-    // Run a worker, given the job of its call as a struct of Python; see kernels/visibility/point_packets.py.
-    template <class CallJob>
-    static inline void judge(const CallJob& from, const Scene& scene, int levels, const Job& job,
-                             const PointJob& points) {
+    // Run a worker of a launch; see kernels/visibility/point_packets.py.
+    template <class PointCall, class Status, class Occluders>
+    static inline void judge(const PointCall& call, const Status& status, const Occluders& occluders) {
+        const auto& layout = call.job;
+        const PointJob points = PointJob::of(call, status, occluders);
+        const Job job = Job::of_camera(call.camera, call.poses, layout.scale);
+        const Scene scene = Scene::of(call.scene, call.worlds);
         const int tiles_x = Grid::tiles(job.width), tiles_y = Grid::tiles(job.height);
-        if (!from.bins.data) {
+        const auto carve = [&](Arena& arena) {
+            return PointMemory::carve(arena, points, tiles_x, scene.movables.count, call.scene.levels);
+        };
+        if (!layout.bins.data) {
             Arena bins = Arena::at(nullptr), scratch = Arena::at(nullptr);
             PointBins::carve(bins, points, tiles_x, tiles_y);
-            PointMemory::carve(scratch, points, tiles_x, scene.movables.count, levels);
-            from.bytes.data[0] = bins.used;
-            from.bytes.data[1] = scratch.used;
+            carve(scratch);
+            layout.bytes.data[0] = bins.used;
+            layout.bytes.data[1] = scratch.used;
             return;
         }
-        Workers::enter(from.counter.data);
-        const int slot = Workers::take_memory(from.taken.data);
+        Workers::enter(layout.counter.data);
+        const int slot = Workers::take_memory(layout.taken.data);
         const long long bins_row = points.views_are_units ? slot : 0;
-        Arena shared = Arena::at((char*)from.bins.data + bins_row * from.bins.strides[0]);
-        Arena own = Arena::at((char*)from.scratch.data + slot * (long long)from.scratch.strides[0]);
+        Arena shared = Arena::at((char*)layout.bins.data + bins_row * layout.bins.strides[0]);
+        Arena own = Arena::at((char*)layout.scratch.data + slot * (long long)layout.scratch.strides[0]);
         const PointBins bins = PointBins::carve(shared, points, tiles_x, tiles_y);
-        const PointMemory memory = PointMemory::carve(own, points, tiles_x, scene.movables.count, levels);
+        const PointMemory memory = carve(own);
         const PointWork work = {scene, job, points, bins};
-        PointPackets::of(work, memory).run(from.counter.data);
-        Workers::give_back_memory(from.taken.data, slot);
+        PointPackets::of(work, memory).run(layout.counter.data);
+        Workers::give_back_memory(layout.taken.data, slot);
     }
 };

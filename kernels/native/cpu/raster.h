@@ -36,14 +36,11 @@ struct Raster : Pixels {
         const Ints blocks = ((triangles.x1 >> BLOCK_SHIFT) - (triangles.x0 >> BLOCK_SHIFT) + 1) *
                             ((triangles.view_y1 >> BLOCK_SHIFT) - (triangles.view_y0 >> BLOCK_SHIFT) + 1);
         const Ints medium = larger & ~inexact & (blocks <= Lanes::all_ints(MAX_BLOCKS));
-        for (unsigned remaining = Lanes::bits(medium); remaining; remaining &= remaining - 1)
-            rasterize_medium(camera, image, triangles, Lanes::first_lane(remaining), mode);
+        for (const int k : Lanes::each(medium)) rasterize_medium(camera, image, triangles, k, mode);
         const Floats rows = __builtin_convertvector(triangles.view_y1 - triangles.view_y0 + 1, Floats);
         const Ints thin = larger & ~medium & (triangles.area * (float)ROWS_OF_PIXEL <= rows);
-        for (unsigned remaining = Lanes::bits(thin); remaining; remaining &= remaining - 1)
-            rasterize_sliver(camera, image, triangles, Lanes::first_lane(remaining), mode);
-        for (unsigned remaining = Lanes::bits(larger & ~medium & ~thin); remaining; remaining &= remaining - 1)
-            rasterize_large(camera, image, triangles, Lanes::first_lane(remaining), mode);
+        for (const int k : Lanes::each(thin)) rasterize_sliver(camera, image, triangles, k, mode);
+        for (const int k : Lanes::each(larger & ~medium & ~thin)) rasterize_large(camera, image, triangles, k, mode);
     }
 
     // Rounding of the corners may rotate the plane of a sliver: then single precision does not suffice for inv_z
@@ -86,21 +83,17 @@ struct Raster : Pixels {
                 Lanes::store(value, inv_z);
                 Lanes::store(at_x, x);
                 Lanes::store(at_y, y);
-                for (unsigned remaining = hits & rounded; remaining; remaining &= remaining - 1) {
-                    const int k = Lanes::first_lane(remaining);
+                for (const int k : Lanes::each(hits & rounded)) {
                     value[k] =
                         exact_inv_z(camera, t, k, camera.exact_u(at_x[k]), camera.exact_v(at_y[k] + image.first_row));
                 }
-                for (unsigned remaining = hits; remaining; remaining &= remaining - 1) {
-                    const int k = Lanes::first_lane(remaining);
+                for (const int k : Lanes::each(hits)) {
                     const int pixel = Image::column_part(at_x[k]) + image.row_part(at_y[k]);
                     put(image, pixel, value[k], id_of(t, k, mode), mode);
                 }
             }
         }
-        for (unsigned remaining = Lanes::bits(small & (closest <= t.error_bound)); remaining;
-             remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(small & (closest <= t.error_bound))) {
             rasterize_uncertain(camera, image, UncertainTriangle::of(t, k, (rounded >> k) & 1, mode), mode);
         }
     }
@@ -174,9 +167,8 @@ struct Raster : Pixels {
                 const Floats u = x + camera.first_u;
                 const Floats inner = Lanes::min(edge[0].at(u, edge[0].row(v)), edge[1].at(u, edge[1].row(v)),
                                                 edge[2].at(u, edge[2].row(v)));
-                for (unsigned hits = Lanes::bits(active & (inner >= Lanes::all(-error_bound))); hits;
-                     hits &= hits - 1) {
-                    const int r = Lanes::first_lane(hits), at_x = (int)x[r], at_y = first + r;
+                for (const int r : Lanes::each(active & (inner >= Lanes::all(-error_bound)))) {
+                    const int at_x = (int)x[r], at_y = first + r;
                     if (inner[r] <= error_bound && !covers(camera, image, t.corners, k, at_x, at_y)) continue;
                     const int pixel = Image::column_part(at_x) + image.row_part(at_y);
                     const double exact_v = camera.exact_v(at_y + image.first_row);
@@ -306,15 +298,13 @@ struct Raster : Pixels {
         touched &= ~(Lanes::load(image.block_min + tile * TILE_BLOCKS) > nearest);
 
         const unsigned covered_blocks = Lanes::bits(covered);
-        for (unsigned remaining = Lanes::bits(touched); remaining; remaining &= remaining - 1) {
-            const int b = Lanes::first_lane(remaining);
+        for (const int b : Lanes::each(touched)) {
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
             const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block,
                                         ((covered_blocks >> b) & 1) != 0};
             if (rasterize_block(camera, image, t, block, mode)) uncertain |= 1u << b;
         }
-        for (; uncertain; uncertain &= uncertain - 1) {
-            const int b = Lanes::first_lane(uncertain);
+        for (const int b : Lanes::each(uncertain)) {
             const double at_block = base + t.plane.u * block_x[b] + t.plane.v * block_y[b];
             const TouchedBlock block = {tile * TILE_BLOCKS + b, x[b], y[b], (float)at_block, false};
             const Large copy = t;  // so that the original can stay in registers
@@ -360,9 +350,8 @@ struct Raster : Pixels {
                                                                     Mode mode) {
         const Floats inv_z = inv_z_in(t, block);
         const Ints uncertain = find_uncertain(t, within(camera, image, t, block), inv_z);
-        for (unsigned remaining = Lanes::bits(uncertain); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining), x = block.x + (k & (BLOCK_SIDE - 1)),
-                      y = block.y + (k >> BLOCK_SHIFT);
+        for (const int k : Lanes::each(uncertain)) {
+            const int x = block.x + (k & (BLOCK_SIDE - 1)), y = block.y + (k >> BLOCK_SHIFT);
             if (!covers(camera, image, t.corners, t.lane, x, y)) continue;
             const double u = camera.exact_u(x), v = camera.exact_v(y + image.first_row);
             const float value = inv_z[k] < t.resolvable_inv_z

@@ -36,7 +36,7 @@ struct RayLanes {
         return rays;
     }
     static inline RayLanes window(const RayTree& tree, int corner, int width) {
-        const auto load = [=](const float* rows) { return RayTree::window(rows + corner, width); };
+        const auto load = [=](const float* rows) { return Grid::window(rows + corner, width); };
         RayLanes rays = {.u = load(tree.row_u), .v = load(tree.row_v)};
         if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.row_p), load(tree.origins.row_q));
         return rays;
@@ -82,12 +82,10 @@ struct RayRaster {
                                                                 const Triangles& triangles, const Visit& visit,
                                                                 Mode mode) {
         RayLeaf<KIND> leaf(camera, image, triangles, visit);
-        const RayTree& tree = *image.tree;
-        for (unsigned groups = tree.groups_in(leaf.box); groups; groups &= groups - 1) {
-            const int group = Lanes::first_lane(groups);
-            for (unsigned tiles = tree.tiles_in(image, group, leaf.box, leaf.nearest); tiles; tiles &= tiles - 1)
-                rasterize_tile(camera, image, leaf, group * LANES + Lanes::first_lane(tiles), mode);
-        }
+        image.tree->all_tiles(image, leaf.box, leaf.nearest, [&](int tile) __attribute__((always_inline)) {
+            rasterize_tile(camera, image, leaf, tile, mode);
+            return true;
+        });
     }
 
     static inline __attribute__((always_inline)) void rasterize_tile(const Camera& camera, const Image& image,
@@ -117,11 +115,10 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.tile_min[tile]);
         }
         if (count <= FEW_PACKETS || __builtin_popcount(candidates) > count)
-            for (unsigned remaining = packets; remaining; remaining &= remaining - 1)
-                rasterize_packet(camera, image, leaf, tile * LANES + Lanes::first_lane(remaining), candidates, mode);
+            for (const int k : Lanes::each(packets))
+                rasterize_packet(camera, image, leaf, tile * LANES + k, candidates, mode);
         else
-            for (; candidates; candidates &= candidates - 1)
-                rasterize_in_packets(camera, image, leaf, Lanes::first_lane(candidates), tile, mode);
+            for (const int k : Lanes::each(candidates)) rasterize_in_packets(camera, image, leaf, k, tile, mode);
     }
 
     // Rasterize triangles in one packet: ray by ray if there are few rays, or fewer rays than triangles.
@@ -137,11 +134,10 @@ struct RayRaster {
             candidates &= leaf.touching(bounds, image.block_min[packet]);
         }
         if (count <= FEW_RAYS || count < __builtin_popcount(candidates))
-            for (unsigned remaining = rays; remaining; remaining &= remaining - 1)
-                rasterize_ray(camera, image, leaf, packet * LANES + Lanes::first_lane(remaining), candidates, mode);
+            for (const int k : Lanes::each(rays))
+                rasterize_ray(camera, image, leaf, packet * LANES + k, candidates, mode);
         else
-            for (; candidates; candidates &= candidates - 1)
-                rasterize_rays(camera, image, leaf, Lanes::first_lane(candidates), packet, mode);
+            for (const int k : Lanes::each(candidates)) rasterize_rays(camera, image, leaf, k, packet, mode);
     }
 
     // Rasterize one triangle in a tile's packets.
@@ -153,8 +149,7 @@ struct RayRaster {
         const int first = tile * LANES;
         unsigned touched = tree.packets_in(image, tile, leaf.box_of(k), t.max_inv_z[k]);
         if (__builtin_popcount(touched) <= FEW_PACKETS || leaf.is_uncertain_side(k)) {
-            for (; touched; touched &= touched - 1)
-                rasterize_rays(camera, image, leaf, k, first + Lanes::first_lane(touched), mode);
+            for (const int child : Lanes::each(touched)) rasterize_rays(camera, image, leaf, k, first + child, mode);
             return;
         }
         const float* bounds = tree.bounds_of_packets(tile);
@@ -165,16 +160,14 @@ struct RayRaster {
             PacketPlanes planes;
             planes.set(camera, leaf.plane(camera, k), bounds);
             touched &= Lanes::bits(hiding <= nearest_of(tree, planes));
-            for (; touched; touched &= touched - 1) {
-                const int child = Lanes::first_lane(touched);
+            for (const int child : Lanes::each(touched)) {
                 const PacketPlane near = planes.of(child);
                 rasterize_rays(camera, image, leaf, k, first + child, mode, (of.covered >> child) & 1, &near);
             }
             return;
         }
         touched &= Lanes::bits(hiding <= of.nearest);
-        for (; touched; touched &= touched - 1) {
-            const int child = Lanes::first_lane(touched);
+        for (const int child : Lanes::each(touched)) {
             rasterize_rays(camera, image, leaf, k, first + child, mode, (of.covered >> child) & 1);
         }
     }
@@ -198,8 +191,7 @@ struct RayRaster {
         int column[LANES], row[LANES];
         RayColumns::begin(columns.first_column, columns.fit.last_column(), column);
         RayColumns::begin(columns.first_row, columns.fit.last_row(), row);
-        for (; small; small &= small - 1) {
-            const int k = Lanes::first_lane(small);
+        for (const int k : Lanes::each(small)) {
             const auto rays = RayLanes<KIND>::window(tree, columns.first_ray + row[k] * width + column[k], width);
             const float error_bound = t.error_bound[k], max_inv_z = t.max_inv_z[k];
             const Floats inner = rays.inner(t, k);
@@ -208,8 +200,7 @@ struct RayRaster {
             const unsigned certain = Lanes::bits(inner > Lanes::all(error_bound));
             float inv_z[LANES];
             Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
-            for (; hits; hits &= hits - 1) {
-                const int lane = Lanes::first_lane(hits);
+            for (const int lane : Lanes::each(hits)) {
                 const int ray = columns.first_ray + columns.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
                                                                      row[k] + lane / RayColumns::SMALL_SIDE);
                 if (max_inv_z < image.inv_z[ray]) continue;
@@ -241,8 +232,7 @@ struct RayRaster {
         if (!hits) return;
         const unsigned certain = Lanes::bits(inner > t.error_bound) & ~leaf.uncertain_side;
         const Floats inv_z = Lanes::max(Lanes::min(rays.inv_z(t.inv_z), t.max_inv_z), t.min_inv_z);
-        for (; hits; hits &= hits - 1) {
-            const int k = Lanes::first_lane(hits);
+        for (const int k : Lanes::each(hits)) {
             put(camera, image, leaf, k, ray, (certain >> k) & 1, inv_z[k], mode);
         }
     }
@@ -257,8 +247,8 @@ struct RayRaster {
         const Triangles& t = leaf.triangles;
         Ints inside = Lanes::load(image.inv_z + packet * LANES) <= Lanes::all(t.max_inv_z[k]);
         if (__builtin_expect(leaf.is_uncertain_side(k), 0)) {
-            for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1)
-                put(camera, image, leaf, k, packet * LANES + Lanes::first_lane(remaining), false, 0.0f, mode);
+            for (const int lane : Lanes::each(inside))
+                put(camera, image, leaf, k, packet * LANES + lane, false, 0.0f, mode);
             return;
         }
         const auto rays = RayLanes<KIND>::packet(tree, packet);
@@ -333,8 +323,7 @@ struct RayRaster {
                                                               const Triangles& t, int k, int packet,
                                                               unsigned uncertain) {
         Ints inside = Lanes::all_ints(0);
-        for (; uncertain; uncertain &= uncertain - 1) {
-            const int lane = Lanes::first_lane(uncertain);
+        for (const int lane : Lanes::each(uncertain)) {
             if (covers(camera, tree, t, k, packet * LANES + lane)) inside[lane] = -1;
         }
         return inside;
@@ -367,17 +356,13 @@ struct RayRaster {
         const RayTree& tree = *image.tree;
         const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
         const float nearest = visit.nearest_inv_z;
-        for (unsigned groups = tree.groups_in(box); groups; groups &= groups - 1) {
-            const int group = Lanes::first_lane(groups);
-            for (unsigned tiles = tree.tiles_in(image, group, box, nearest); tiles; tiles &= tiles - 1) {
-                const int tile = group * LANES + Lanes::first_lane(tiles);
-                for (unsigned remaining = tree.packets_in(image, tile, box, nearest); remaining;
-                     remaining &= remaining - 1) {
-                    const int packet = tile * LANES + Lanes::first_lane(remaining);
-                    const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
-                    Solids::store(setup.at(u, v), image, packet, packet, id, mode);
-                }
+        tree.all_tiles(image, box, nearest, [&](int tile) {
+            for (const int child : Lanes::each(tree.packets_in(image, tile, box, nearest))) {
+                const int packet = tile * LANES + child;
+                const auto rays = RayLanes<KIND>::packet(tree, packet);
+                Solids::store(setup.at(rays.u, rays.v), image, packet, packet, id, mode);
             }
-        }
+            return true;
+        });
     }
 };

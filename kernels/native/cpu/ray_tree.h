@@ -92,7 +92,7 @@ struct RayTree {
                        .run = rays.run.data,
                        .corner = rays.corner.data,
                        .fit = (const RayFit*)rays.fit.data,
-                       .clip_inv_z = call.job.clip_inv_z,
+                       .clip_inv_z = call.job.camera.clip_inv_z,
                        .origins = {.p = origins.p.data,
                                    .q = origins.q.data,
                                    .begin = origins.begin.data,
@@ -111,17 +111,6 @@ struct RayTree {
         return __builtin_convertvector(Lanes::load(rays + packet * LANES), Doubles);
     }
 
-    // Load 4 x 4 rays from rows of `width` rays.
-    static inline Floats window(const float* first, int width) {
-        typedef float Four __attribute__((ext_vector_type(4)));
-        typedef float Eight __attribute__((ext_vector_type(8)));
-        Four row[4];
-        for (int y = 0; y < 4; ++y) __builtin_memcpy(&row[y], first + y * width, sizeof row[y]);
-        const Eight low = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
-        const Eight high = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
-        return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-    }
-
     // Which of LANES bounds overlap a rectangle; the bounds of a missing child are inverted.
     static inline Ints overlap(const float* bounds, const RayBox& box) {
         return (Lanes::load(bounds) <= Lanes::all(box.u1)) & (Lanes::load(bounds + LANES) <= Lanes::all(box.v1)) &
@@ -135,12 +124,19 @@ struct RayTree {
     inline const float* bounds_of_tiles(int group) const { return tile_bounds + group * (BOUND_ROWS * LANES); }
     inline const float* bounds_of_packets(int tile) const { return packet_bounds + tile * (BOUND_ROWS * LANES); }
 
-    // Bit masks of groups, tiles of a group and packets of a tile that overlap a rectangle and may show a surface.
-    inline unsigned groups_in(const RayBox& box) const { return Lanes::bits(overlap(group_bounds, box)); }
-    inline unsigned tiles_in(const Image& image, int group, const RayBox& box, float inv_z) const {
-        const Ints open = Lanes::load(image.tile_min + group * LANES) <= Lanes::all(inv_z);
-        return Lanes::bits(open & overlap(bounds_of_tiles(group), box));
+    // Call `visit(tile)` for the tiles that overlap a rectangle and may show a surface, until it returns false; returns
+    // whether it never did.
+    template <class VisitTile>
+    inline __attribute__((always_inline)) bool all_tiles(const Image& image, const RayBox& box, float inv_z,
+                                                         VisitTile visit) const {
+        for (const int group : Lanes::each(overlap(group_bounds, box))) {
+            const Ints open = Lanes::load(image.tile_min + group * LANES) <= Lanes::all(inv_z);
+            for (const int child : Lanes::each(open & overlap(bounds_of_tiles(group), box)))
+                if (!visit(group * LANES + child)) return false;
+        }
+        return true;
     }
+    // Bit masks of packets of a tile and rays of a packet that do so.
     inline unsigned packets_in(const Image& image, int tile, const RayBox& box, float inv_z) const {
         const Ints open = Lanes::load(image.block_min + tile * LANES) <= Lanes::all(inv_z);
         return Lanes::bits(open & overlap(bounds_of_packets(tile), box));
@@ -160,9 +156,8 @@ struct RayTree {
         Flags stale;
         const int first = tile * LANES;
         __builtin_memcpy(&stale, image.block_stale + first, sizeof stale);
-        for (unsigned remaining = Lanes::bits(__builtin_convertvector(stale, Ints) != 0); remaining;
-             remaining &= remaining - 1) {
-            const int packet = first + Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(__builtin_convertvector(stale, Ints) != 0)) {
+            const int packet = first + k;
             image.block_min[packet] = Lanes::min_of(Lanes::load(image.inv_z + packet * LANES));
         }
         __builtin_memset(image.block_stale + first, 0, LANES);
@@ -174,16 +169,12 @@ struct RayTree {
     inline bool hides(const Image& image, const Visit& visit) const {
         const RayBox box = RayBox::of_pixels(image, visit.x0, visit.y0, visit.x1, visit.y1);
         const float inv_z = visit.nearest_inv_z;
-        for (unsigned groups = groups_in(box); groups; groups &= groups - 1) {
-            const int group = Lanes::first_lane(groups);
-            for (unsigned tiles = tiles_in(image, group, box, inv_z); tiles; tiles &= tiles - 1) {
-                const int tile = group * LANES + Lanes::first_lane(tiles);
-                for (unsigned packets = packets_in(image, tile, box, inv_z); packets; packets &= packets - 1)
-                    if (rays_in(image, tile * LANES + Lanes::first_lane(packets), box, inv_z)) return false;
-                refresh(image, tile);
-            }
-        }
-        return true;
+        return all_tiles(image, box, inv_z, [&](int tile) __attribute__((always_inline)) {
+            for (const int child : Lanes::each(packets_in(image, tile, box, inv_z)))
+                if (rays_in(image, tile * LANES + child, box, inv_z)) return false;
+            refresh(image, tile);
+            return true;
+        });
     }
 
     // Clear the z-buffer; lanes without a ray occlude everything and are never written.

@@ -15,42 +15,31 @@ struct RemapMemory {
     RemapTree tree;
 
     static inline RemapMemory carve(Arena& arena, const RemapJob& job, int movables, int levels) {
-        TableJob table = TableJob();
-        table.max_groups = job.across() * job.down();
+        const int max_groups = job.across() * job.down();
         RemapMemory memory;
-        memory.table = TableMemory::carve(arena, table, movables, levels);
-        memory.tree = RemapTree::carve(arena, table.max_groups);
+        memory.table = TableMemory::carve(arena, max_groups, movables, levels);
+        memory.tree = RemapTree::carve(arena, max_groups);
         return memory;
     }
 };
 
-struct RemapPackets {
+// Parts of maps, as units of work.
+struct Maps {
+    typedef RemapJob Work;
+    typedef RemapMemory Memory;
+
+    static inline int count(const RemapJob& remap) { return remap.views * remap.trees(); }
+
     // A pinhole job for a rectangle of places.
-    static inline Job job_of(const RemapJob& remap, const RayBox& box) {
+    static inline Job tree_job(const RemapJob& remap, const RayBox& box) {
         const int x0 = (int)__builtin_floorf(box.u0) - 1, y0 = (int)__builtin_floorf(box.v0) - 1;
-        Job job = Job();
-        job.views = remap.views;
+        Job job = remap;
         job.width = (int)__builtin_ceilf(box.u1) + 1 - x0;
         job.height = (int)__builtin_ceilf(box.v1) + 1 - y0;
         job.focal[0] = job.focal[1] = remap.tree_focal;
         job.center[0] = -x0;
         job.center[1] = -y0;
-        job.near = remap.near;
-        job.far = remap.far;
-        job.clip_inv_z = remap.clip_inv_z;
-        job.clip_reach = remap.clip_reach;
-        job.cull_back_faces = remap.cull_back_faces;
         return job;
-    }
-    // The members of a table job that writing images needs.
-    static inline TableJob table_of(const RemapJob& remap) {
-        TableJob table = TableJob();
-        table.views = remap.views;
-        table.height = remap.rows;
-        table.width = remap.columns;
-        table.near = remap.near;
-        table.far = remap.far;
-        return table;
     }
 
     static inline void unit(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
@@ -59,16 +48,16 @@ struct RemapPackets {
         const RemapPart part = RemapPart::of(remap, unit % remap.trees());
         const RayBox box = memory.tree.set(remap, part, index, memory.table.image);
         const bool has_places = box.u0 <= box.u1;
-        const Job job = job_of(remap, has_places ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
+        const Job job = tree_job(remap, has_places ? box : RayBox{0.0f, 0.0f, 0.0f, 0.0f});
         const RayTree tree = memory.tree.as_ray_tree(remap.clip_inv_z);
         const Image image = memory.table.image_of(job, tree);
-        const Pose pose = Pose::from(remap.poses + (long long)index * POSE_WORDS);
-        const View view = View::of<TABLE_RAYS>(scene, job, scene.movables.of_view(index), pose);
+        const View view = View::of<TABLE_RAYS>(scene, job, scene.movables.of_view(index), remap.pose_of(index));
         if (has_places && view.world.exists) Packets<TABLE_RAYS>::render(view, image, memory.table.traversal, mode);
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         const Lookup lookup = Lookup::of(scene, memory.table.traversal.frames, view.pose.position, moving);
         const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
-        const TableJob table = table_of(remap);
+        Job table = remap;
+        table.width = remap.columns, table.height = remap.rows;
         write(TableWriter<TABLE_RAYS>{writer, table, tree, (long long)index * remap.rows * remap.columns}, remap, part,
               memory.tree);
     }
@@ -88,27 +77,5 @@ struct RemapPackets {
             else
                 writer.blocks(index);
         }
-    }
-
-    // Do units of work: parts of views.
-    static inline void run(const Scene& scene, const RemapJob& remap, const Images& out, const RemapMemory& memory,
-                           int* counter) {
-        run_units(out, false, remap.views * remap.trees(), counter,
-                  [&](int next, Mode mode)
-                      __attribute__((always_inline)) { unit(scene, remap, out, memory, next, mode); });
-    }
-};
-
-struct RemapLaunch : Launch {
-    // See kernels/casting/remap_packets.py.
-    template <class RemapCall, class Outputs>
-    static inline void remap(const RemapCall& call, const Outputs& images) {
-        const Scene scene = Scene::of(call.scene, call.worlds);
-        const RemapJob job = RemapJob::of(call.job, call.poses);
-        const Images out = Images::of(images, call.scene);
-        worker(
-            call.job,
-            [&](Arena& arena) { return RemapMemory::carve(arena, job, scene.movables.count, call.scene.levels); },
-            [&](const RemapMemory& memory) { RemapPackets::run(scene, job, out, memory, call.job.counter.data); });
     }
 };

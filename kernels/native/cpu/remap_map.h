@@ -5,38 +5,19 @@
 
 #pragma once
 
-#include "cpu/image.h"
+#include "cpu/camera.h"
 
 // Images at arbitrary places: a map contains, for each output pixel, the place in the camera's image that it shows.
-struct RemapJob {
-    int views, rows, columns;  // of the map
-    int width, height;  // of the camera's image; nothing is visible outside
-    double focal[2], center[2];
+struct RemapJob : Job {  // of the camera's image; nothing is visible outside
+    int rows, columns;  // of the map
     double tree_focal;  // of both axes, in units of tree places, which are finer than pixels
-    float near, far, clip_inv_z, clip_reach;
-    bool cull_back_faces;
-    const float* poses;  // [view]: x y z qx qy qz qw
-    const float* pixels;  // [view][row][column]: x and y [px]
 
-    // The job of a `RemapJob` of kernels/casting/remap_packets.py.
-    template <class CallJob, class Poses>
-    static inline RemapJob of(const CallJob& job, const Poses& poses) {
-        const auto& camera = job.camera;
-        return RemapJob{.views = job.views,
-                        .rows = job.rows,
-                        .columns = job.columns,
-                        .width = (int)camera.width,
-                        .height = (int)camera.height,
-                        .focal = {camera.fx, camera.fy},
-                        .center = {camera.cx, camera.cy},
-                        .tree_focal = job.tree_focal,
-                        .near = camera.near,
-                        .far = camera.far,
-                        .clip_inv_z = camera.clip_inv_z,
-                        .clip_reach = camera.clip_reach,
-                        .cull_back_faces = job.cull_backfaces != 0,
-                        .poses = (const float*)poses.data,
-                        .pixels = job.pixels.data};
+    // The job of a `RemapCall` of kernels/casting/packets.py.
+    template <class RemapCall>
+    static inline RemapJob of(const RemapCall& call) {
+        RemapJob job = {Job::of_call(call), call.job.rows, call.job.columns, call.job.tree_focal};
+        job.pixels = call.job.pixels.data;
+        return job;
     }
 
     // Side of a group in pixels, and the number of groups of a tree: its rays stay in a core's cache.

@@ -86,8 +86,7 @@ struct Setup {
     // edge-on in double precision too.
     static __attribute__((noinline, cold)) void settle_volumes(const Camera& camera, const float* corners, Ints edge_on,
                                                                Floats volume_error, Floats& volume) {
-        for (unsigned remaining = Lanes::bits(edge_on); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(edge_on)) {
             const double exact = Exactly::corners(camera, corners, k).volume();
             volume[k] = exact < 0.0 ? -volume_error[k] : exact > 0.0 ? volume_error[k] : 0.0f;
         }

@@ -23,6 +23,27 @@ struct SilhouetteJob {
     int* hidden_by;  // [view][chosen][object]: pixels occluded by that object
     unsigned char* masks;  // [view][chosen][y][x]: MASK_VISIBLE or MASK_HIDDEN in the silhouette; or null
 
+    // The job of a `SilhouetteCall` of kernels/visibility/silhouette_packets.py.
+    template <class SilhouetteCall, class Counts, class HiddenBy, class Masks>
+    static inline SilhouetteJob of(const SilhouetteCall& call, const Counts& counts, const HiddenBy& hidden_by,
+                                   const Masks& masks) {
+        const auto& canvas = call.canvas;
+        return SilhouetteJob{.count = call.chosen.index.shape[0],
+                             .chosen = call.chosen.index.data,
+                             .objects = call.scene.object_count,
+                             .canvas = {canvas.x0, canvas.y0, canvas.x1, canvas.y1},
+                             .seen_only = canvas.seen_only != 0,
+                             .near = call.camera.near,
+                             .far = call.camera.far,
+                             .seen = call.comparison.segmentation.data,
+                             .depth = call.comparison.depth.data,
+                             .delta = call.comparison.delta,
+                             .counts = (char*)counts.data,
+                             .count_stride = counts.strides[0],
+                             .view_stride = counts.strides[1],
+                             .hidden_by = hidden_by.data,
+                             .masks = masks.data};
+    }
     // Whether all depths are in range and no masks are requested, so that only counts are needed.
     inline bool counts_all() const { return near <= 0.0f && far == __builtin_inff() && !masks; }
 };
@@ -92,15 +113,21 @@ struct Comparison {
             if (outside) return;
             if (inside_image && request.counts_all()) return count_inside(tile, x, y, counts);
         }
-        for (unsigned block = 0; block < TILE_BLOCKS; ++block) {
-            const Floats inv_z = Lanes::load(tile + block * BLOCK_PIXELS);
-            Ints covered = inv_z > Lanes::all(0.0f);
-            if (!Lanes::any(covered)) continue;
-            Lanes::store(tile + block * BLOCK_PIXELS, Lanes::all(0.0f));
-            const int block_x = x + (int)(block % BLOCKS_ACROSS * BLOCK_SIDE),
-                      block_y = y + (int)(block / BLOCKS_ACROSS * BLOCK_SIDE);
+        take_blocks(tile, x, y, [&](Floats inv_z, Ints covered, int block_x, int block_y) {
             if (!within) covered &= inside(edge, block_x, block_y);
             if (within || Lanes::any(covered)) count_block(inv_z, covered, block_x, block_y, counts);
+        });
+    }
+
+    // Call `take(inv_z, covered, x, y)` for the blocks of a tile with covered pixels, and clear them.
+    template <class Take>
+    static inline __attribute__((always_inline)) void take_blocks(float* tile, int x, int y, Take take) {
+        for (int block = 0; block < TILE_BLOCKS; ++block) {
+            const Floats inv_z = Lanes::load(tile + block * BLOCK_PIXELS);
+            const Ints covered = inv_z > Lanes::all(0.0f);
+            if (!Lanes::any(covered)) continue;
+            Lanes::store(tile + block * BLOCK_PIXELS, Lanes::all(0.0f));
+            take(inv_z, covered, x + block % BLOCKS_ACROSS * BLOCK_SIDE, y + block / BLOCKS_ACROSS * BLOCK_SIDE);
         }
     }
 
@@ -108,13 +135,7 @@ struct Comparison {
     inline void count_inside(float* tile, int x, int y, PixelCounts& counts) const {
         const bool is_inside_box = PixelCounts::holds(counts.visible_box, x, y, TILE_SIDE);
         Ints silhouette = Lanes::all_ints(0), seen = silhouette;
-        for (unsigned block = 0; block < TILE_BLOCKS; ++block) {
-            const Floats inv_z = Lanes::load(tile + block * BLOCK_PIXELS);
-            const Ints covered = inv_z > Lanes::all(0.0f);
-            if (!Lanes::any(covered)) continue;
-            Lanes::store(tile + block * BLOCK_PIXELS, Lanes::all(0.0f));
-            const int block_x = x + (int)(block % BLOCKS_ACROSS * BLOCK_SIDE),
-                      block_y = y + (int)(block / BLOCKS_ACROSS * BLOCK_SIDE);
+        take_blocks(tile, x, y, [&](Floats inv_z, Ints covered, int block_x, int block_y) {
             const Ints shown = load_block(request.seen, block_x, block_y);
             Ints visible = covered & (shown == Lanes::all_ints(index));
             if (request.depth && Lanes::any(covered & ~visible))
@@ -126,7 +147,7 @@ struct Comparison {
             if (!is_inside_box && Lanes::any(visible))
                 PixelCounts::grow(counts.visible_box, Lanes::bits(visible), block_x, block_y);
             if (Lanes::any(hidden)) count_hidden(shown, hidden);
-        }
+        });
         const int count = __builtin_reduce_add(silhouette);
         counts.silhouette += count;
         counts.image += count;
@@ -191,14 +212,8 @@ struct Comparison {
 
     // Load a block of an image of four-byte values; the block lies inside the image.
     inline Ints load_block(const int* image, int x, int y) const {
-        typedef int RowOfBlock __attribute__((ext_vector_type(BLOCK_SIDE)));
         const int* source = image + ((long long)view * job.height + y) * job.width + x;
-        RowOfBlock row[BLOCK_SIDE];
-        for (int r = 0; r < BLOCK_SIDE; ++r)
-            __builtin_memcpy(&row[r], source + (long long)r * job.width, sizeof row[r]);
-        const auto upper = __builtin_shufflevector(row[0], row[1], 0, 1, 2, 3, 4, 5, 6, 7);
-        const auto lower = __builtin_shufflevector(row[2], row[3], 0, 1, 2, 3, 4, 5, 6, 7);
-        return __builtin_shufflevector(upper, lower, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        return (Ints)Grid::window((const float*)source, job.width);
     }
 
     // Load a block that may extend beyond the image: -1 outside.
@@ -225,8 +240,7 @@ struct Comparison {
 
     inline void write_masks(unsigned in_image, unsigned visible, int x, int y) const {
         unsigned char* mask = request.masks + ((long long)view * request.count + place) * job.height * job.width;
-        for (unsigned remaining = in_image; remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(in_image)) {
             mask[(long long)(y + k / BLOCK_SIDE) * job.width + x + k % BLOCK_SIDE] =
                 (visible >> k) & 1 ? MASK_VISIBLE : MASK_HIDDEN;
         }
@@ -329,12 +343,21 @@ struct Silhouettes {
 };
 
 struct SilhouetteLaunch : Launch {
-    // Run a worker, given the job of its call as a struct of Python; see kernels/visibility/silhouette_packets.py.
-    template <class CallJob>
-    static inline void measure(const CallJob& from, const Scene& scene, int levels, const Job& job,
-                               const SilhouetteJob& request) {
+    // See kernels/visibility/silhouette_packets.py.
+    template <class SilhouetteCall, class Counts, class HiddenBy, class Masks>
+    static inline void measure(const SilhouetteCall& call, const Counts& counts, const HiddenBy& hidden_by,
+                               const Masks& masks) {
+        const Scene scene = Scene::of(call.scene, call.worlds);
+        const SilhouetteJob request = SilhouetteJob::of(call, counts, hidden_by, masks);
+        Job job = Job::of_camera(call.camera, call.poses);
+        job.far = __builtin_inff();
         worker(
-            from, [&](Arena& arena) { return SilhouetteMemory::carve(arena, request, scene.movables.count, levels); },
-            [&](const SilhouetteMemory& memory) { Silhouettes{scene, job, request, memory}.run(from.counter.data); });
+            call.workers,
+            [&](Arena& arena) {
+                return SilhouetteMemory::carve(arena, request, scene.movables.count, call.scene.levels);
+            },
+            [&](const SilhouetteMemory& memory) {
+                Silhouettes{scene, job, request, memory}.run(call.workers.counter.data);
+            });
     }
 };

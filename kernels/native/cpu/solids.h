@@ -329,9 +329,8 @@ struct Solids {
         for (int ty = visit.y0 >> TILE_SHIFT; ty <= ty1; ++ty)
             for (int tx = visit.x0 >> TILE_SHIFT; tx <= tx1; ++tx) {
                 const int tile = ty * image.tiles_x + tx;
-                for (unsigned remaining = blocks(setup, camera, image, visit, tx, ty); remaining;
-                     remaining &= remaining - 1) {
-                    const int b = Lanes::first_lane(remaining), block = tile * TILE_BLOCKS + b;
+                for (const int b : Lanes::each(blocks(setup, camera, image, visit, tx, ty))) {
+                    const int block = tile * TILE_BLOCKS + b;
                     if (image.min_of_block(block) > visit.nearest_inv_z) continue;
                     if (image.first_packet) {
                         render_cell(setup, image, block, id, mode);

@@ -88,8 +88,7 @@ struct Sparse {
     static inline void rasterize(const Camera& camera, const Image& image, const Triangles& triangles, Ints inexact,
                                  Mode mode) {
         const unsigned rounded = Lanes::bits(inexact);
-        for (unsigned remaining = Lanes::bits(triangles.shown); remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(triangles.shown)) {
             const One one = One::of(triangles, k, (rounded >> k) & 1, mode);
             const int ty1 = triangles.y1[k] >> TILE_SHIFT, tx1 = triangles.x1[k] >> TILE_SHIFT;
             for (int ty = triangles.y0[k] >> TILE_SHIFT; ty <= ty1; ++ty)
@@ -133,8 +132,8 @@ struct Sparse {
             const Floats u = edge.u >= Lanes::all(0.0f) ? u1 : u0, v = edge.v >= Lanes::all(0.0f) ? v1 : v0;
             touched &= edge.at(u, edge.row(v)) >= Lanes::all(-one.error_bound);
         }
-        for (unsigned remaining = Lanes::bits(touched); remaining; remaining &= remaining - 1) {
-            const int cell = tile * TILE_BLOCKS + Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(touched)) {
+            const int cell = tile * TILE_BLOCKS + k;
             for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet)
                 rasterize_packet(camera, image, one, cell, packet, mode);
         }
@@ -159,8 +158,8 @@ struct Sparse {
                                                                     const One& one, int cell, int packet,
                                                                     unsigned uncertain, Mode mode) {
         Ints inside = Lanes::all_ints(0);
-        for (unsigned remaining = uncertain; remaining; remaining &= remaining - 1) {
-            const int lane = Lanes::first_lane(remaining), slot = packet * LANES + lane;
+        for (const int lane : Lanes::each(uncertain)) {
+            const int slot = packet * LANES + lane;
             const double u = image.point_u[slot], v = image.point_v[slot];
             if (Exactly::covers(camera, one.triangles.corners, one.k, u, v)) inside[lane] = -1;
         }
@@ -177,8 +176,7 @@ struct Sparse {
         const Floats min_inv_z = Lanes::all(t.min_inv_z[one.k]);
         Floats inv_z = Lanes::max(Lanes::min(plane.at(u, plane.row(v)), max_inv_z), min_inv_z);
         if (one.rounded && image.id)
-            for (unsigned remaining = Lanes::bits(inside); remaining; remaining &= remaining - 1) {
-                const int lane = Lanes::first_lane(remaining);
+            for (const int lane : Lanes::each(inside)) {
                 inv_z[lane] = Raster::exact_inv_z(camera, t, one.k, u[lane], v[lane]);
             }
         if (image.occlusion) inside = check(camera, image, one, packet, inside, inv_z);
@@ -197,8 +195,8 @@ struct Sparse {
         Ints uncertain = inside & (limit >= 0.999999f * t.min_inv_z[one.k]);
         if (image.id) uncertain &= Lanes::load(image.id + packet * LANES) < Lanes::all_ints(0);
         if (!one.rounded) uncertain &= Lanes::abs(inv_z - limit) <= 5e-6f * inv_z;
-        for (unsigned remaining = Lanes::bits(uncertain); remaining; remaining &= remaining - 1) {
-            const int lane = Lanes::first_lane(remaining), point = image.point_index[packet * LANES + lane];
+        for (const int lane : Lanes::each(uncertain)) {
+            const int point = image.point_index[packet * LANES + lane];
             const bool hides = image.occlusion->hides(camera, t.corners, one.k, point);
             inside[lane] = hides ? -1 : 0;
             if (hides && inv_z[lane] <= limit[lane]) inv_z[lane] = limit[lane] * 1.000001f;
@@ -230,7 +228,7 @@ struct Sparse {
         for (int i = 0; i < job.points; ++i)
             if (!(pixels[2 * i] >= 0.0f && pixels[2 * i] < (float)job.width && pixels[2 * i + 1] >= 0.0f &&
                   pixels[2 * i + 1] < (float)job.height))
-                write_point(writer, first + i, Ray{0.0f, -1, 0.0f, 0.0f});
+                Writer::put_empty(writer.out, first + i);
     }
 
     // A point's ray and its hit.

@@ -26,15 +26,10 @@ struct Bundle {
     }
 };
 
-struct TableJob {
-    int views, height, width;
+struct TableJob : Job {  // of the whole table, in any direction
     int bundles;
     const Bundle* bundle;
     const float* bundle_far;  // greatest z of rays that are in range
-    double focal;
-    float near, far, clip_inv_z, clip_reach;
-    bool cull_back_faces;
-    const float* poses;  // [view]: x y z qx qy qz qw
     RayTree tree;  // of all bundles
     const int* without_ray;  // pixel indices
     int without_rays;
@@ -45,44 +40,30 @@ struct TableJob {
     // The job of a `TableCall` of kernels/casting/ray_bundle_packets.py.
     template <class TableCall>
     static inline TableJob of(const TableCall& call) {
-        const auto& job = call.job;
         const auto& rays = call.rays;
-        return TableJob{.views = job.views,
-                        .height = job.height,
-                        .width = job.width,
-                        .bundles = rays.bundle.shape[0],
-                        .bundle = (const Bundle*)rays.bundle.data,
-                        .bundle_far = job.bundle_far.data,
-                        .focal = rays.focal,
-                        .near = job.near,
-                        .far = job.far,
-                        .clip_inv_z = job.clip_inv_z,
-                        .clip_reach = job.clip_reach,
-                        .cull_back_faces = job.cull_backfaces != 0,
-                        .poses = (const float*)call.poses.data,
-                        .tree = RayTree::of(call),
-                        .without_ray = rays.without_ray.data,
-                        .without_rays = rays.without_ray.shape[0],
-                        .max_groups = rays.max_groups,
-                        .eye = call.origins.eye.data,
-                        .origins = call.origins.maxima.data};
+        TableJob job = {Job::of_call(call)};
+        job.focal[0] = job.focal[1] = rays.focal;
+        job.bundles = rays.bundle.shape[0];
+        job.bundle = (const Bundle*)rays.bundle.data;
+        job.bundle_far = call.job.bundle_far.data;
+        job.tree = RayTree::of(call);
+        job.without_ray = rays.without_ray.data;
+        job.without_rays = rays.without_ray.shape[0];
+        job.max_groups = rays.max_groups;
+        job.eye = call.origins.eye.data;
+        job.origins = call.origins.maxima.data;
+        return job;
     }
 
     // The bundle as a job of a pinhole camera.
     inline Job job_of(int index) const {
         const Bundle& source = bundle[index];
-        Job job = Job();
-        job.views = views;
+        Job job = *this;
         job.width = source.width;
         job.height = source.height;
-        job.focal[0] = job.focal[1] = focal;
         job.center[0] = source.center[0];
         job.center[1] = source.center[1];
-        job.near = near;
         job.far = bundle_far[index];
-        job.clip_inv_z = clip_inv_z;
-        job.clip_reach = clip_reach;
-        job.cull_back_faces = cull_back_faces;
         // Rays begin up to this far from the eye: boxes within that distance may contain their origins.
         if (eye) job.clip_reach += origins[3 * index + 2];
         return job;
@@ -124,17 +105,15 @@ struct TableMemory {
     Traversal traversal;
 
     static inline TableMemory carve(Arena& arena, const TableJob& job, int movables, int levels) {
+        return carve(arena, job.max_groups, movables, levels);
+    }
+    static inline TableMemory carve(Arena& arena, int max_groups, int movables, int levels) {
         TableMemory memory;
         Image& image = memory.image;
-        const long long packets = (long long)job.max_groups * RayTree::GROUP_PACKETS;
-        image.empty = nullptr;
-        image.rows = nullptr;
-        image.id_rows = nullptr;
-        image.occlusion = nullptr;
-        image.clip_inv_z = __builtin_inff();
+        const long long packets = (long long)max_groups * RayTree::GROUP_PACKETS;
         image.inv_z = arena.floats(packets * LANES);
         image.id = arena.ints(packets * LANES);
-        image.take_blocks(arena, (long long)job.max_groups * LANES);
+        image.take_blocks(arena, (long long)max_groups * LANES);
         image.first_packet = image.id;  // not null: rays may pass through any point of a pixel
         memory.traversal = Traversal::carve(arena, movables, levels);
         return memory;

@@ -11,7 +11,7 @@
 template <RayKind KIND>
 struct TableWriter {
     Writer writer;
-    const TableJob& table;
+    const Job& table;  // size of the image, and range
     const RayTree& tree;
     long long first;  // index of the view's first pixel
 
@@ -31,72 +31,42 @@ struct TableWriter {
         }
     }
 
-    // Depth, and a mask of rays with a hit in range.
-    struct InRange {
-        Floats depth;
-        Ints seen;
-    };
-    static inline InRange in_range(Floats inv_z, Floats depth, float near, float far) {
-        const Floats infinity = Lanes::all(__builtin_inff());
-        const Ints far_enough = depth >= Lanes::all(near);
-        const Ints seen = far_enough & (depth <= Lanes::all(far)) & (inv_z > Lanes::all(0.0f));
-        return InRange{seen ? depth : (far_enough ? infinity : -infinity), seen};
-    }
-
-    // Results of the rays of a packet.
-    struct Row {
-        Floats depth;
-        Points point, normal;
-        Ints object;
-    };
     inline InRange range_of(int packet, Floats inv_z, Floats z) const {
         const Floats along = KIND == ORIGIN_RAYS ? z - Lanes::load(tree.origins.begin + packet * LANES) : z;
         const Floats depth = tree.scale ? along * Lanes::load(tree.scale + packet * LANES) : along;
-        return in_range(inv_z, depth, table.near, table.far);
+        return InRange::of(inv_z, depth, table.near, table.far);
     }
-    inline void resolve(int packet, Row& row) {
+    inline void resolve(int packet, Hits& hits) {
         const Images& out = writer.out;
         const Floats inv_z = Lanes::load(writer.image.inv_z + packet * LANES), z = 1.0f / inv_z;
         const InRange range = range_of(packet, inv_z, z);
-        const Ints seen = range.seen;
-        row.depth = range.depth;
-        if (out.points) row.point = points(packet, seen ? z : Lanes::all(__builtin_nanf("")));
+        hits.depth = range.depth;
+        if (out.points) hits.point = points(packet, range, z);
         if (writer.mode == MODE_DEPTH) return;
         const Ints id = Lanes::load(writer.image.id + packet * LANES);
-        if (writer.mode == MODE_TRIANGLES && out.normals) row.normal = normals(packet, id, seen);
-        if (out.segmentation || out.labels) row.object = writer.objects(id, seen);
+        if (writer.mode == MODE_TRIANGLES && out.normals) hits.normal = normals(packet, id, range.seen);
+        if (out.segmentation || out.labels) hits.object = writer.objects(id, range.seen);
     }
-    inline Points points(int packet, Floats reach) const {
-        const Rays& rays = writer.rays;
-        const float* origin = writer.camera.origin;
-        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
-        Floats position[3];
-        for (int k = 0; k < 3; ++k)
-            position[k] = reach * (u * rays.right[k] + (v * rays.down[k] + rays.forward[k])) + origin[k];
+    inline Points points(int packet, const InRange& range, Floats z) const {
+        const auto rays = RayLanes<KIND>::packet(tree, packet);
+        const Rays& basis = writer.rays;
+        Points point = range.along(basis.at(rays.u, rays.v), z, writer.camera.origin);
         if constexpr (KIND == ORIGIN_RAYS) {
-            const Floats p = Lanes::load(tree.origins.p + packet * LANES),
-                         q = Lanes::load(tree.origins.q + packet * LANES);
-            for (int k = 0; k < 3; ++k) position[k] += p * rays.right[k] + q * rays.down[k];
+            point.x += rays.p * basis.right[0] + rays.q * basis.down[0];
+            point.y += rays.p * basis.right[1] + rays.q * basis.down[1];
+            point.z += rays.p * basis.right[2] + rays.q * basis.down[2];
         }
-        return Points{position[0], position[1], position[2]};
+        return point;
     }
+    // Normals; with distinct origins, they are flipped toward the origin of each ray, which may see another side than
+    // the eye does.
     inline Points normals(int packet, Ints id, Ints seen) {
-        if constexpr (KIND == ORIGIN_RAYS) return toward(packet, writer.triangle_normals(id, Lanes::bits(seen)));
-        if (!writer.lookup.moving) return writer.triangle_normals(id, Lanes::bits(seen));
-        Points round = {Lanes::all(0.0f), Lanes::all(0.0f), Lanes::all(0.0f)};
-        const Ints solid = writer.lookup.solid_normals(id, seen, tree.exact_us(packet), tree.exact_vs(packet), round);
-        const Points n = writer.triangle_normals(id, Lanes::bits(seen & ~solid));
-        return Points{solid ? round.x : n.x, solid ? round.y : n.y, solid ? round.z : n.z};
-    }
-
-    // Flip normals toward the origins of the rays, which may see another side than the eye does.
-    inline Points toward(int packet, Points n) const {
-        const Rays& rays = writer.rays;
-        const Floats u = Lanes::load(tree.u + packet * LANES), v = Lanes::load(tree.v + packet * LANES);
-        Floats ray[3];
-        for (int k = 0; k < 3; ++k) ray[k] = u * rays.right[k] + (v * rays.down[k] + rays.forward[k]);
-        const Ints faces_away = Points::dot(n, Points{ray[0], ray[1], ray[2]}) > Lanes::all(0.0f);
-        return Points{faces_away ? -n.x : n.x, faces_away ? -n.y : n.y, faces_away ? -n.z : n.z};
+        if constexpr (KIND != ORIGIN_RAYS)
+            return writer.normals(id, seen, tree.exact_us(packet), tree.exact_vs(packet));
+        const auto rays = RayLanes<KIND>::packet(tree, packet);
+        const Points n = writer.triangle_normals(id, Lanes::bits(seen));
+        const Ints faces_away = Points::dot(n, writer.rays.at(rays.u, rays.v)) > Lanes::all(0.0f);
+        return Points::select(faces_away, Points{-n.x, -n.y, -n.z}, n);
     }
 
     // Write a tile of the image if only depth is requested.
@@ -114,7 +84,7 @@ struct TableWriter {
             if constexpr (KIND == ORIGIN_RAYS) Blocks::transpose(begin + y * (BLOCKS_ACROSS * LANES), first);
             for (int r = 0; r < BLOCK_SIDE; ++r, target += width) {
                 const Floats z = KIND == ORIGIN_RAYS ? 1.0f / inv_z[r] - first[r] : 1.0f / inv_z[r];
-                Write::stream(target, in_range(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
+                Write::stream(target, InRange::of(inv_z[r], scale ? z * factor[r] : z, near, far).depth);
             }
         }
     }
@@ -123,20 +93,20 @@ struct TableWriter {
     inline void blocks(int tile) {
         const Images& out = writer.out;
         for (int y = 0; y < TILE_SIDE; y += BLOCK_SIDE) {
-            Row row[BLOCKS_ACROSS];
+            Hits hits[BLOCKS_ACROSS];
             for (int x = 0; x < BLOCKS_ACROSS; ++x)
-                resolve(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, row[x]);
+                resolve(tile * TILE_BLOCKS + y / BLOCK_SIDE * BLOCKS_ACROSS + x, hits[x]);
             const long long offset = first + tree.corner[tile] + (long long)y * table.width;
             Floats rows[3][BLOCK_SIDE];
             if (out.depth) {
-                transpose(&row[0].depth, rows[0]);
+                transpose(&hits[0].depth, rows[0]);
                 for (int r = 0; r < BLOCK_SIDE; ++r) Write::stream(out.depth + offset + r * table.width, rows[0][r]);
             }
-            if (out.points) rows_of(out.points + offset * 3, &row[0].point, rows);
+            if (out.points) rows_of(out.points + offset * 3, &hits[0].point, rows);
             if (writer.mode == MODE_DEPTH) continue;
-            if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + offset * 3, &row[0].normal, rows);
+            if (writer.mode == MODE_TRIANGLES && out.normals) rows_of(out.normals + offset * 3, &hits[0].normal, rows);
             if (!(out.segmentation || out.labels)) continue;
-            transpose((const Floats*)&row[0].object, rows[0]);
+            transpose((const Floats*)&hits[0].object, rows[0]);
             for (int r = 0; r < BLOCK_SIDE; ++r) {
                 const Ints object = (Ints)rows[0][r];
                 if (out.segmentation) Write::stream(out.segmentation + offset + r * table.width, object);
@@ -173,12 +143,12 @@ struct TableWriter {
         return writer.faces(Lanes::load(writer.image.id + packet * LANES), seen);
     }
 
-    // Convert the blocks of adjacent `Row`s to rows of pixels.
+    // Convert the blocks of adjacent `Hits` to rows of pixels.
     static inline void transpose(const Floats* block, Floats* rows) {
         float side_by_side[BLOCKS_ACROSS * BLOCK_PIXELS];
         for (int x = 0; x < BLOCKS_ACROSS; ++x) {
             Lanes::store(side_by_side + x * BLOCK_PIXELS, *block);
-            block = (const Floats*)((const char*)block + sizeof(Row));
+            block = (const Floats*)((const char*)block + sizeof(Hits));
         }
         Blocks::transpose(side_by_side, rows);
     }
@@ -192,41 +162,14 @@ struct TableWriter {
 
     // Write a tile whose packets are not blocks of the image, packet by packet.
     inline void packets(int tile) {
-        const Images& out = writer.out;
         const float* bounds = tree.bounds_of_packets(tile);
         for (int child = 0; child < LANES; ++child) {
             if (bounds[child] > bounds[2 * LANES + child]) continue;
-            const int packet = tile * LANES + child, run = tree.run[packet];
-            const int* place = tree.place + packet * LANES;
-            Row row;
-            resolve(packet, row);
-            if (out.depth) Write::put(out.depth + first, place, run, row.depth);
-            if (out.points) Write::put(out.points + first * 3, place, row.point);
-            if (writer.mode == MODE_DEPTH) continue;
-            if (writer.mode == MODE_TRIANGLES && out.normals) Write::put(out.normals + first * 3, place, row.normal);
-            if (out.segmentation) Write::put((float*)out.segmentation + first, place, run, (Floats)row.object);
-            if (!out.labels) continue;
-            unsigned char label[LANES];
-            Writer::labels(label, out.object_label, row.object, LANES);
-            for (int lane = 0; lane < LANES; ++lane)
-                if (place[lane] >= 0) out.labels[first + place[lane]] = label[lane];
+            const int packet = tile * LANES + child;
+            Hits hits;
+            resolve(packet, hits);
+            writer.put(hits, first, tree.place + packet * LANES, tree.run[packet]);
         }
-        if (writer.mode == MODE_TRIANGLES && out.faces) face_packets(tile);
-    }
-
-    // Write pixels without a ray as empty.
-    static inline void empty(const TableJob& table, const Images& out, long long first) {
-        const float nothing = __builtin_nanf("");
-        for (int i = 0; i < table.without_rays; ++i) {
-            const long long offset = first + table.without_ray[i];
-            if (out.depth) out.depth[offset] = __builtin_inff();
-            for (int k = 0; k < 3; ++k) {
-                if (out.points) out.points[offset * 3 + k] = nothing;
-                if (out.normals) out.normals[offset * 3 + k] = nothing;
-            }
-            if (out.segmentation) out.segmentation[offset] = -1;
-            if (out.faces) out.faces[offset] = -1;
-            if (out.labels) out.labels[offset] = LABEL_EMPTY;
-        }
+        if (writer.mode == MODE_TRIANGLES && writer.out.faces) face_packets(tile);
     }
 };

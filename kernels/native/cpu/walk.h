@@ -160,8 +160,7 @@ struct Walk {
         Lanes::store(place, places(bounds.shown ? bounds.nearest_inv_z : Lanes::all(BEHIND_ALL)));
         const ScreenBounds::Lane lanes = bounds.lanes(1.0f);
         const int* children = bvh.children_of(index);
-        for (unsigned remaining = found; remaining; remaining &= remaining - 1) {
-            const int k = Lanes::first_lane(remaining);
+        for (const int k : Lanes::each(found)) {
             out[place[k]] = lanes.visit(k, children[k]);
         }
         return __builtin_popcount(found);

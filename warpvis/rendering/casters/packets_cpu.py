@@ -25,9 +25,7 @@ from warpvis.rendering.casters.base import CastOptions, ImagesByName, ImageSlots
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.casting.packets import BvhScene, PacketJob
-    from warpvis.kernels.casting.ray_bundle_packets import TableJob
-    from warpvis.kernels.casting.remap_packets import RemapJob
+    from warpvis.kernels.casting.packets import BvhScene
 
 # A strip's number of rows is a thread's share of the remaining rows, divided by this.
 _SHARES_PER_THREAD = 2
@@ -56,24 +54,18 @@ class Workspace:
     without keeping the arrays alive.
     """
 
-    def __init__(
-        self,
-        scene: Any,
-        kernel: wp.Kernel,
-        call: tuple[Any, Any],
-        job: PacketJob | TableJob | RemapJob,
-        workers: int,
-    ) -> None:
-        """Pack a launch for calls like `job` on `workers` threads; `call` is the kernel's call struct and its type."""
+    def __init__(self, scene: Any, kernel: wp.Kernel, call: tuple[Any, Any], views: int, workers: int) -> None:
+        """Pack a launch of `workers` threads for calls of `views` views; `call` is the kernel's struct and its type."""
         from warpvis.kernels.casting.images import Images
 
         self._counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
-        job.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
-        self._pose_rows = np.empty((job.views, POSE_WORDS), dtype=np.float32)
+        self._pose_rows = np.empty((views, POSE_WORDS), dtype=np.float32)
         self._call, call_type = call
         self._images = ImageSlots()
-        self._call.job = job
         self._job: Any = self._call.job
+        shared: Any = self._call.workers
+        shared.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
+        shared.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         self._call.poses = wp.array(self._pose_rows, dtype=wp.transform, device="cpu", copy=False)
         self._memory = self._call.__ctype__()
         self._memory.scene = scene.__ctype__()
@@ -81,7 +73,7 @@ class Workspace:
         self._launch = pack_launch(kernel, [*arrays])
         self._launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
         self._workers = workers
-        self._job.scratch = aligned_zeros((workers, int(job.scratch_bytes.numpy()[0])), wp.uint8)
+        shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
 
     def run(self, scene: Any, views: ViewBatch, images: ImagesByName) -> None:
         """Cast the rays of a call: write the addresses of its arguments, copy its poses, and launch."""
@@ -220,33 +212,29 @@ class CpuPacketsCaster(CpuCaster):
     def _make_strips(self, views: int, points: int, scene: BvhScene, workers: int) -> Workspace:
         from warpvis.kernels.casting.packets import PacketCall, PacketJob, cast_packets
 
-        camera, job = self._camera, PacketJob()
-        job.views, job.height, job.width = views, camera.height, camera.width
+        call, job = PacketCall(), PacketJob()
         # Every strip reads all points of its view: use no more strips than threads can share.
-        strip_rows = split_rows(views, camera.height, workers, equal=bool(points))
-        job.strips, job.max_rows = len(strip_rows) - 1, int(np.diff(strip_rows).max())
+        strip_rows = split_rows(views, self._camera.height, workers, equal=bool(points))
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
-        job.focal_x, job.focal_y = camera.fx, camera.fy
-        job.center_x, job.center_y = camera.cx, camera.cy
-        lens = camera.device_struct(clip_near=self._options.clip_near)
-        job.near, job.far, job.clip_inv_z, job.clip_reach = lens.near, lens.far, lens.clip_inv_z, lens.clip_reach
+        job.max_rows = int(np.diff(strip_rows).max())
+        job.camera = self._camera.device_struct(clip_near=self._options.clip_near)
         job.cull_backfaces = int(self._options.cull_backfaces)
         job.points = points
-        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        return Workspace(scene, cast_packets, (PacketCall(), PacketCall), job, min(workers, views * job.strips))
+        call.job = job
+        return Workspace(scene, cast_packets, (call, PacketCall), views, min(workers, views * (len(strip_rows) - 1)))
 
     def _make_map(self, shape: tuple[int, int, int], scene: BvhScene, workers: int) -> Workspace:
-        from warpvis.kernels.casting.remap_packets import RemapCall, RemapJob, cast_remapped_packets
+        from warpvis.kernels.casting.packets import RemapCall, RemapJob, cast_remapped_packets
 
-        job = RemapJob()
-        job.views, job.rows, job.columns = shape
+        call, job = RemapCall(), RemapJob()
+        views, job.rows, job.columns = shape
         job.camera = self._camera.device_struct(clip_near=self._options.clip_near)
         # The factor is a power of two, so that single precision suffices to convert coordinates.
         scale = min(_FINENESS, max(1.0, _MAX_FOCAL / self._camera.fx))
         job.tree_focal = self._camera.fx * 2.0 ** math.floor(math.log2(scale))
         job.cull_backfaces = int(self._options.cull_backfaces)
-        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        return Workspace(scene, cast_remapped_packets, (RemapCall(), RemapCall), job, workers)
+        call.job = job
+        return Workspace(scene, cast_remapped_packets, (call, RemapCall), views, workers)
 
 
 def split_rows(views: int, height: int, threads: int, *, equal: bool = False) -> NDArray[np.int32]:

@@ -87,21 +87,22 @@ class CpuRayBundleCaster(CpuCaster):
         if self._origins is not None:
             call.origins, kernel = self._origins.struct, cast_ray_origin_packets
         call.rays = self._rays.struct
-        return Workspace(scene, kernel, (call, TableCall), self._make_job(views), workers)
+        call.job = self._make_job()
+        return Workspace(scene, kernel, (call, TableCall), views, workers)
 
-    def _make_job(self, views: int) -> TableJob:
+    def _make_job(self) -> TableJob:
         from warpvis.kernels.casting.ray_bundle_packets import TableJob
+        from warpvis.kernels.pinhole import PinholeCamera
 
-        camera, job = self._camera, TableJob()
-        job.views, job.height, job.width = views, camera.height, camera.width
-        job.near, job.far = camera.near, camera.far
-        job.clip_inv_z = clip_inv_z(camera.near) if self._clips else math.inf
-        job.clip_reach = camera.near * self._rays.longest_ray if self._clips else 0.0
+        camera, job, table = self._camera, TableJob(), PinholeCamera()
+        table.height, table.width, table.near, table.far = camera.height, camera.width, camera.near, camera.far
+        table.clip_inv_z = clip_inv_z(camera.near) if self._clips else math.inf
+        table.clip_reach = camera.near * self._rays.longest_ray if self._clips else 0.0
+        job.camera = table
         job.cull_backfaces = int(self._options.cull_backfaces)
         far = np.minimum(camera.far * self._rays.longest, np.finfo(np.float32).max)
         if self._origins is not None:
             far = far.astype(np.float32) + self._origins.max_origin_z
             far = np.minimum(far, np.finfo(np.float32).max)
         job.bundle_far = wp.array(far, dtype=wp.float32, device="cpu")
-        job.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         return job
