@@ -84,8 +84,9 @@ struct Nguyen {
         Numbers::store(place, shown.row * row.width + shown.column, Numbers::PIXELS);
         float depths[Numbers::PIXELS], normals[3][Numbers::PIXELS];
         for (int k = 0; k < Numbers::PIXELS; ++k) {
-            depths[k] = row.depth[place[k]];
-            for (int c = 0; c < 3; ++c) normals[c][k] = row.normals[3LL * place[k] + c];
+            const long long pixel = row.first + place[k];
+            depths[k] = row.depth[pixel];
+            for (int c = 0; c < 3; ++c) normals[c][k] = row.normals[3 * pixel + c];
         }
         shown.depth = Numbers::load(depths, Numbers::PIXELS);
         for (int c = 0; c < 3; ++c) shown.normal[c] = Numbers::load(normals[c], Numbers::PIXELS);

@@ -27,7 +27,7 @@ struct SensorRange {
     }
 };
 
-// A row of a view, and the images of the view, [y][x]; null if they are not used.
+// A row of a view, and images of all views, [view][y][x]; null if they are not used.
 template <class Numbers>
 struct SensorRow {
     typedef typename Numbers::Real Real;
@@ -37,6 +37,7 @@ struct SensorRow {
     typedef PixelWords<Numbers> Words;
 
     int view, height, width, y;
+    long long first;  // place of the view's first pixel in images
     RandomKey key;
     Range range;
     double focal[2], center[2];
@@ -52,22 +53,18 @@ struct SensorRow {
         SensorRow row;
         row.view = view, row.y = y;
         row.height = (int)inputs.camera.height, row.width = (int)inputs.camera.width;
+        row.first = (long long)view * row.height * row.width;
         row.key = RandomKey{inputs.seed, inputs.draws.data[view][0], inputs.draws.data[view][1]};
         row.range = Range{inputs.camera.near, inputs.camera.far};
         row.focal[0] = inputs.camera.fx, row.focal[1] = inputs.camera.fy;
         row.center[0] = inputs.camera.cx, row.center[1] = inputs.camera.cy;
-        row.depth = row.image_of(inputs.true_depth.data);
-        row.normals = (const float*)row.image_of(inputs.normals.data);
-        row.segmentation = row.image_of(inputs.segmentation.data);
+        row.depth = inputs.true_depth.data;
+        row.normals = (const float*)inputs.normals.data;
+        row.segmentation = inputs.segmentation.data;
         row.reflectivity = inputs.reflectivity.data;
         return row;
     }
-    template <class Pixel>
-    inline Pixel* image_of(Pixel* images) const {
-        return images ? images + (long long)view * height * width : nullptr;
-    }
-
-    inline long long place(int x) const { return (long long)y * width + x; }
+    inline long long place(int x) const { return first + (long long)y * width + x; }
     inline int count(int x) const { return width - x; }
     // Whether pixels remain for word k of the random words that pixels from x on share.
     inline bool has_word(int x, int k) const { return k < Words::WORDS && x + k * Numbers::PIXELS < width; }
@@ -80,7 +77,7 @@ struct SensorRow {
     inline Real exact(int x) const { return Numbers::load(depth + place(x), width - x); }
     // Depth of pixels of any row, from a column on that may be outside of the image; `outside` for pixels that are.
     inline Real exact(int column, int row, float outside) const {
-        const float* depths = depth + (long long)row * width;
+        const float* depths = depth + first + (long long)row * width;
         if (column >= 0 && column + Numbers::PIXELS <= width) return Numbers::load(depths + column, Numbers::PIXELS);
         return collect([&](int k) { return column + k >= 0 && column + k < width ? depths[column + k] : outside; });
     }
@@ -115,8 +112,8 @@ inline SensorRow<PixelNumbers> sensor_row(const Inputs& inputs, int view, int y)
 template <class Inputs, class Images>
 inline SensorRow<PixelNumbers> sensor_row(const Inputs& inputs, const Images& images, int view, int y) {
     SensorRow<PixelNumbers> row = sensor_row(inputs, view, y);
-    row.depth_out = row.image_of(images.depth.data);
-    row.reasons_out = row.image_of(images.reasons.data);
+    row.depth_out = images.depth.data;
+    row.reasons_out = images.reasons.data;
     return row;
 }
 

@@ -91,13 +91,14 @@ struct Stereo {
     // Fraction of the window of each pixel that shows the pixel's surface.
     inline Real support(int x) const {
         if (is_even(x)) return Numbers::real(1.0f);
-        const Real depth = row.exact(x);
+        const float* depths = row.depth + row.place(x);
+        const Real depth = Numbers::load(depths, row.count(x));
         Real in_row = Numbers::real(0.0f), in_column = in_row;
         for (int lag = -model.window; lag <= model.window; ++lag) {
             // Pixels beyond the ends of the row or the column belong to no surface.
             count(depth, row.exact(x + lag, row.y, Numbers::endless()), in_row);
             if (row.y + lag < 0 || row.y + lag >= row.height) continue;
-            count(depth, row.exact(x, row.y + lag, Numbers::endless()), in_column);
+            count(depth, Numbers::load(depths + (long long)lag * row.width, row.count(x)), in_column);
         }
         return (in_row / columns_of_window(x)) * (in_column / rows_of_window());
     }
@@ -232,7 +233,7 @@ struct Stereo {
     }
     inline Pixel load_pixel(int x) const {
         const Real one = Numbers::real(1.0f), none = Numbers::real(0.0f), endless = Numbers::real(Numbers::endless());
-        const float* other_depth = row.image_of(model.other_depth.data);
+        const float* other_depth = model.other_depth.data;
         Pixel pixel;
         pixel.depth = row.exact(x);
         pixel.far_depth = pixel.depth - (float)eye.place[2];  // it may be in front of the first eye, due to rounding
@@ -270,7 +271,7 @@ struct OtherPoints {
         const Whole is_inside =
             (depth >= model.min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < model.other_width);
         const Real none = Numbers::real(Numbers::no_number());
-        Numbers::store_pairs((float*)row.image_of(points.data) + row.place(x) * 2, is_inside ? column : none,
+        Numbers::store_pairs((float*)points.data + row.place(x) * 2, is_inside ? column : none,
                              is_inside ? inside(pixel_row) : none, row.count(x));
     }
     // Clamp rows that rounding moved beyond the upper or lower edge: both eyes share their rows.

@@ -86,7 +86,7 @@ struct FlightLight {
     // Pixels at edges combine the light of their sub-rays.
     template <class Model>
     inline void mix(const Row& row, const Model& model, int x) {
-        const int* slots = row.image_of(model.slots.data) + row.place(x);
+        const int* slots = model.slots.data + row.place(x);
         for (int k = 0; k < Numbers::PIXELS && x + k < row.width; ++k) {
             if (slots[k] < 0) continue;
             const auto& mixed = model.mixes.data[(long long)row.view * model.mixes.shape[1] + slots[k]];
@@ -171,10 +171,9 @@ struct FlightEdges {
 
     // Write the row-major indices of such pixels, of those of a thread from x on, and -1 for others.
     inline void measure(int x) const {
-        int* edges_out = row.image_of(edges.data);
         for (int k = 0; k < PixelWords<Numbers>::WORDS && x < row.width; ++k, x += Numbers::PIXELS) {
-            const Whole places = Numbers::indices((int)row.place(x));
-            Numbers::store(edges_out + row.place(x), is_edge(x) ? places : Numbers::whole(-1), row.count(x));
+            const Whole places = Numbers::indices(row.y * row.width + x);
+            Numbers::store(edges.data + row.place(x), is_edge(x) ? places : Numbers::whole(-1), row.count(x));
         }
     }
     inline Whole is_edge(int x) const {
