@@ -387,7 +387,8 @@ def _launch_header(arguments: dict[str, Any]) -> str:
 
 
 def _variant_source(variant: Variant, function: Any, body: str, headers: str) -> str:
-    parameters = ", ".join(f"{_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
+    # The body for pixels does not use `rays`, those for points and ray bundles not `packet_x`.
+    parameters = ", ".join(f"[[maybe_unused]] {_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
     given = ", ".join(_PLACE.get(name, f"all.{name}") for name in function.input_types)
     assert body.count(_SHARED) == 1
     borrowed = "auto& memory = *(warpvis::WarpMemory*)emulator::shared_memory(sizeof(warpvis::WarpMemory));"

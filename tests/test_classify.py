@@ -188,9 +188,9 @@ def test_cpu_row_kernels_match_cuda_pixel_kernels(depth):
     balls.center = wp.array([sphere.center for sphere in spheres], dtype=wp.vec3, device="cpu")
     balls.size = wp.array([sphere.diameter for sphere in spheres], dtype=wp.float32, device="cpu")
     balls.label = wp.array([int(sphere.label) for sphere in spheres], dtype=wp.uint8, device="cpu")
-    camera, images = CAMERA.device_struct(), [None, image, CAMERA.far, ground, balls, labels, owner]
+    camera, images = CAMERA.device_struct(), [image, CAMERA.far, ground, balls, labels, owner]
     wp.launch(kernels.classify_depth, depth.shape, [camera, poses, Window(), *images], device="cpu")
-    wp.launch(kernels.back_project, depth.shape, [camera, poses, Window(), None, image, points], device="cpu")
+    wp.launch(kernels.back_project, depth.shape, [camera, poses, Window(), image, points], device="cpu")
 
     found = wp.empty(depth.shape, dtype=wp.int32, device="cpu")
     rows = wv.classify(depth, CAMERA, EXPERIMENT.poses(), spheres=EXPERIMENT.spheres, device="cpu", spheres_out=found)

@@ -9,9 +9,9 @@ import warp as wp
 
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.constants import LABEL_OBSTACLE
-from warpvis.kernels.maps.classify import has_depth, ray_of_pixel
+from warpvis.kernels.maps.classify import has_depth
 from warpvis.kernels.maps.labels import GroundLabels, label_of, precedence
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, shown_between, shown_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, shown_between, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -37,6 +37,14 @@ class VoxelGrid:
 @wp.func
 def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
     return (i * grid.size[1] + j) * grid.size[2] + k
+
+
+@wp.func
+def ray_of_pixel(camera: PinholeCamera, rays: wp.array2d[wp.vec3d], y: int, x: int) -> wp.vec3d:
+    """Return a pixel's ray of depth 1 in the camera frame, from `rays` unless it is None; NaN without a ray."""
+    if rays:
+        return rays[y, x]
+    return pixel_ray(camera, y, x)
 
 
 @wp.func
@@ -75,7 +83,7 @@ def mark_surface_points(
 ):
     """Raise the mark of the voxel of each pixel's point to 1 + the precedence of the pixel's label; 0 is unmarked.
 
-    Camera and rays are those of `warpvis.kernels.maps.classify`.
+    A camera with rays is a `PinholeCamera` of which only the depth range is read.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)

@@ -22,7 +22,7 @@ _MIN_PIXELS = 2**17
 
 
 def camera_with_rays(camera: ImageCamera, device: wp.Device) -> tuple[PinholeCamera, wp.array | None]:
-    """Return a camera and its rays on a device in the format of `kernels.maps.classify`.
+    """Return a camera and its rays on a device in the format of `kernels.maps.depth_rows` and `voxels`.
 
     With a ray table, the camera has only a range, and rays have shape ``(height, width)``; without, rays are None.
     """
@@ -41,6 +41,8 @@ def launch_back_project(
     """Write the world points of a camera's depth images."""
     if depth.device.is_cpu:
         from warpvis.kernels.maps.depth_rows import back_project_rows as kernel
+    elif camera.ray_model == "table":
+        from warpvis.kernels.maps.classify import back_project_rays as kernel
     else:
         from warpvis.kernels.maps.classify import back_project as kernel
     _launch_camera(kernel, camera, poses, depth, [points], threads, _MIN_PIXELS)
@@ -57,6 +59,8 @@ def launch_classify(
     """Write the labels of depth images; `arguments` are the last ones of `kernels.maps.classify.classify_depth`."""
     if depth.device.is_cpu:
         from warpvis.kernels.maps.depth_rows import classify_rows as kernel
+    elif camera.ray_model == "table":
+        from warpvis.kernels.maps.classify import classify_rays as kernel
     else:
         from warpvis.kernels.maps.classify import classify_depth as kernel
     _launch_camera(kernel, camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
@@ -86,11 +90,15 @@ def _launch_camera(
     threads: int | None,
     min_pixels: int,
 ) -> None:
-    """Launch a kernel with the camera and its rays, which are None without a ray table."""
-    struct, rays = camera_with_rays(camera, depth.device)
+    """Launch a kernel with the camera and, if it has a ray table or if the kernel is one for rows, with its rays."""
+    if depth.device.is_cpu:
+        struct, *rays = camera_with_rays(camera, depth.device)
+    else:
+        struct = camera.device_struct()
+        rays = [rays_on_device(camera, depth.device)] if camera.ray_model == "table" else []
 
     def arguments(window: Window) -> KernelArguments:
-        return [struct, poses, window, rays, depth, *inputs]
+        return [struct, poses, window, *rays, depth, *inputs]
 
     _launch(kernel, depth, arguments, threads, min_pixels)
 

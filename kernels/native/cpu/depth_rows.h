@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of depth images to world points and labels, 16 pixels at a time: see kernels/maps/classify.py and
-// kernels/maps/ray_points.py.
+// Rows of depth images to world points and labels, 16 pixels at a time: see kernels/maps/classify.py.
 
 #pragma once
 
