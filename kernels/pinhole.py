@@ -123,3 +123,12 @@ def shown_between(near: float, far: float, depth: float) -> float:
 def shown_depth(camera: PinholeCamera, depth: float) -> float:
     """Return depth in the convention of REP 117 for a camera's depth range."""
     return shown_between(camera.near, camera.far, depth)
+
+
+@wp.func
+def back_project_pixel(camera: PinholeCamera, pose: wp.transform, y: int, x: int, depth: float) -> wp.vec3:
+    """Return the world point of a pixel and its depth by equations (3) to (6); NaN without depth."""
+    if not wp.isfinite(depth):
+        return wp.vec3(wp.nan, wp.nan, wp.nan)
+    direction = wp.quat_rotate(pose_rotation(pose), pixel_ray(camera, y, x))
+    return wp.vec3(pose_origin(pose) + wp.float64(depth) * direction)

@@ -6,7 +6,15 @@ import warp as wp
 
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.constants import LABEL_EMPTY, LABEL_GROUND, LABEL_OBSTACLE
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import (
+    PinholeCamera,
+    Window,
+    back_project_pixel,
+    locate,
+    pose_origin,
+    pose_rotation,
+    shown_depth,
+)
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -84,7 +92,7 @@ def case_of(point: wp.vec3, ground: Ground, spheres: Spheres) -> Case:
 
 @wp.func
 def point_along(pose: wp.transform, ray: wp.vec3d, depth: float) -> wp.vec3:
-    """Return the world point at a depth along a ray by equations (3) to (6); NaN for NaN rays."""
+    """Return the world point at a depth along a ray of the camera frame, whose depth is 1; NaN for NaN rays."""
     return wp.vec3(pose_origin(pose) + wp.float64(depth) * wp.quat_rotate(pose_rotation(pose), ray))
 
 
@@ -100,14 +108,11 @@ def back_project(
     # Out:
     points_out: wp.array3d[wp.vec3],
 ):
-    """Write world points of depth images; NaN without depth in the camera's range."""
+    """Write world points of depth images by equations (3) to (6); NaN without depth in the camera's range."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    depth = depth_in[view, y, x]
-    point = wp.vec3(wp.nan, wp.nan, wp.nan)
-    if has_depth(depth, camera.near, camera.far):
-        point = point_along(camera_to_world[view], pixel_ray(camera, y, x), depth)
-    points_out[view, y, x] = point
+    depth = shown_depth(camera, depth_in[view, y, x])
+    points_out[view, y, x] = back_project_pixel(camera, camera_to_world[view], y, x, depth)
 
 
 @wp.kernel
@@ -154,7 +159,7 @@ def classify_depth(
     depth = depth_in[view, y, x]
     case = no_point()
     if has_depth(depth, camera.near, max_range):
-        case = case_of(point_along(camera_to_world[view], pixel_ray(camera, y, x), depth), ground, spheres)
+        case = case_of(back_project_pixel(camera, camera_to_world[view], y, x, depth), ground, spheres)
 
     labels_out[view, y, x] = case.label
     if spheres_out:

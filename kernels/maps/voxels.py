@@ -1,17 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The 3D visibility map: voxels that contain a visible surface, free voxels, and hidden voxels.
-
-Depth images are of pinholes, or have an arbitrary ray per pixel.
-"""
+"""The 3D visibility map: voxels that contain a visible surface, free voxels, and hidden voxels."""
 
 import warp as wp
 
-from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.constants import LABEL_OBSTACLE
-from warpvis.kernels.maps.classify import has_depth
 from warpvis.kernels.maps.labels import GroundLabels, label_of, precedence
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, shown_between, shown_depth
+from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, shown_depth
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -37,14 +32,6 @@ class VoxelGrid:
 @wp.func
 def flat_index(grid: VoxelGrid, i: int, j: int, k: int) -> int:
     return (i * grid.size[1] + j) * grid.size[2] + k
-
-
-@wp.func
-def ray_of_pixel(camera: PinholeCamera, rays: wp.array2d[wp.vec3d], y: int, x: int) -> wp.vec3d:
-    """Return a pixel's ray of depth 1 in the camera frame, from `rays` unless it is None; NaN without a ray."""
-    if rays:
-        return rays[y, x]
-    return pixel_ray(camera, y, x)
 
 
 @wp.func
@@ -75,69 +62,22 @@ def mark_surface_points(
     window: Window,
     # In:
     grid: VoxelGrid,
-    rays_in: wp.array2d[wp.vec3d],
     depth_in: wp.array3d[float],
     labels_in: wp.array3d[wp.uint8],
     # Out:
     marks_out: wp.array[wp.int32],
 ):
-    """Raise the mark of the voxel of each pixel's point to 1 + the precedence of the pixel's label; 0 is unmarked.
-
-    A camera with rays is a `PinholeCamera` of which only the depth range is read.
-    """
+    """Raise the mark of the voxel of each pixel's point to 1 + the precedence of the pixel's label; 0 is unmarked."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
-    depth = depth_in[view, y, x]
-    ray = ray_of_pixel(camera, rays_in, y, x)
-    if not has_depth(depth, camera.near, camera.far) or not ray[2] == ray[2]:
+    depth = shown_depth(camera, depth_in[view, y, x])
+    if not wp.isfinite(depth):
         return
-    index = voxel_at(grid, camera_origin[view] + wp.float64(depth) * (wp.transpose(rotation[view]) * ray))
+    direction = wp.transpose(rotation[view]) * pixel_ray(camera, y, x)
+    index = voxel_at(grid, camera_origin[view] + wp.float64(depth) * direction)
     if index >= 0:
         wp.atomic_max(marks_out, index, pixel_order(grid.ground, labels_in, view, y, x) + 1)
-
-
-@wp.struct
-class Judged:
-    """The state of a voxel, and the precedence of its label."""
-
-    state: wp.uint8
-    order: int
-
-
-@wp.func
-def judged_by_mark(grid: VoxelGrid, state: wp.uint8, label: wp.uint8, mark: int) -> Judged:
-    """Return a voxel's previous state and label, raised by its mark."""
-    judged = Judged()
-    judged.state = state
-    judged.order = precedence(grid.ground, label)
-    if mark > 0:
-        judged.state = SURFACE
-        judged.order = wp.max(judged.order, mark - 1)
-    return judged
-
-
-@wp.func
-def center_of(grid: VoxelGrid, i: int, j: int, k: int) -> wp.vec3d:
-    half = wp.float64(0.5)
-    return grid.origin + grid.cell * wp.vec3d(wp.float64(i) + half, wp.float64(j) + half, wp.float64(k) + half)
-
-
-@wp.func
-def state_at(
-    grid: VoxelGrid, sight: wp.vec3d, depth: float, near: float, far: float, shown: float, share: wp.float64
-) -> wp.uint8:
-    """Return a voxel's state in a pixel that shows depth `shown`; `OUTSIDE` without information.
-
-    `sight` leads from the camera to the voxel's center, which has depth `depth`; `share` is shown / depth.
-    """
-    # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
-    distance = wp.abs(share - wp.float64(1.0)) * wp.max(wp.abs(sight))
-    if distance <= wp.float64(0.5) * grid.cell:
-        return SURFACE
-    if wp.isnan(shown) or depth < near or depth > far:
-        return OUTSIDE
-    return wp.where(depth < shown, FREE, HIDDEN)
 
 
 @wp.kernel
@@ -160,9 +100,17 @@ def judge_voxels(
     i, j, k = wp.tid()
     i, j = locate(window, i, j)
 
-    judged = judged_by_mark(grid, states_out[i, j, k], labels_out[i, j, k], marks_in[flat_index(grid, i, j, k)])
-    zero, width, height = wp.float64(0.0), wp.float64(camera.width), wp.float64(camera.height)
-    center = center_of(grid, i, j, k)
+    state = wp.uint8(states_out[i, j, k])
+    order = precedence(grid.ground, labels_out[i, j, k])
+    mark = marks_in[flat_index(grid, i, j, k)]
+    if mark > 0:
+        state = SURFACE
+        order = wp.max(order, mark - 1)
+
+    half, zero = wp.float64(0.5), wp.float64(0.0)
+    width, height = wp.float64(camera.width), wp.float64(camera.height)
+    steps = wp.vec3d(wp.float64(i) + half, wp.float64(j) + half, wp.float64(k) + half)
+    center = grid.origin + grid.cell * steps
     for view in range(depth_in.shape[0]):
         sight = center - camera_origin[view]
         p = rotation[view] * sight
@@ -173,55 +121,21 @@ def judge_voxels(
         if not (x >= zero and x < width and y >= zero and y < height):
             continue
         shown = shown_depth(camera, depth_in[view, int(y), int(x)])
-        state = state_at(grid, sight, float(p[2]), camera.near, camera.far, shown, wp.float64(shown) * w)
-        judged.state = wp.max(judged.state, state)
-        if state == SURFACE:
-            judged.order = wp.max(judged.order, pixel_order(grid.ground, labels_in, view, int(y), int(x)))
-    states_out[i, j, k] = judged.state
-    labels_out[i, j, k] = label_of(judged.order)
-
-
-@wp.kernel
-def judge_voxels_at(
-    # Cameras:
-    camera: RayRange,
-    camera_to_world: wp.transformd,
-    window: Window,
-    # In:
-    first: wp.vec2i,
-    grid: VoxelGrid,
-    pixels_in: wp.array3d[wp.int32],
-    depth_in: wp.array3d[float],
-    labels_in: wp.array3d[wp.uint8],
-    marks_in: wp.array[wp.int32],
-    # Out:
-    states_out: wp.array3d[wp.uint8],
-    labels_out: wp.array3d[wp.uint8],
-):
-    """Raise states and labels of a slab of voxels from their marks and from the image of one view.
-
-    `first` is the view and the slab's first layer. `pixels_in` contains the pixel of each voxel center as row times
-    width plus column, or -1.
-    """
-    layer, j, k = wp.tid()
-    layer, j = locate(window, layer, j)
-    view, i = first[0], first[1] + layer
-
-    judged = judged_by_mark(grid, states_out[i, j, k], labels_out[i, j, k], marks_in[flat_index(grid, i, j, k)])
-    pixel = pixels_in[layer, j, k]
-    if pixel >= 0:
-        y, x = pixel / depth_in.shape[2], pixel % depth_in.shape[2]
-        sight = center_of(grid, i, j, k) - wp.transform_get_translation(camera_to_world)
-        depth = wp.length(sight)
-        if camera.is_planar:
-            depth = wp.quat_rotate_inv(wp.transform_get_rotation(camera_to_world), sight)[2]
-        shown = shown_between(camera.near, camera.far, depth_in[view, y, x])
-        state = state_at(grid, sight, float(depth), camera.near, camera.far, shown, wp.float64(shown) / depth)
-        judged.state = wp.max(judged.state, state)
-        if state == SURFACE:
-            judged.order = wp.max(judged.order, pixel_order(grid.ground, labels_in, view, y, x))
-    states_out[i, j, k] = judged.state
-    labels_out[i, j, k] = label_of(judged.order)
+        if wp.isnan(shown):
+            continue
+        # Distance from the center to the visible surface along the ray, along the world axis of its largest component.
+        distance = wp.abs(wp.float64(shown) * w - wp.float64(1.0)) * wp.max(wp.abs(sight))
+        z = float(p[2])
+        if distance <= half * grid.cell:
+            state = SURFACE
+            order = wp.max(order, pixel_order(grid.ground, labels_in, view, int(y), int(x)))
+        elif z >= camera.near and z <= camera.far:
+            if z < shown:
+                state = wp.max(state, FREE)
+            else:
+                state = wp.max(state, HIDDEN)
+    states_out[i, j, k] = state
+    labels_out[i, j, k] = label_of(order)
 
 
 @wp.kernel

@@ -28,7 +28,7 @@ from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments
 from warpvis.errors import ArrayError
 from warpvis.maps._floor_map import count_cells, ground_bits
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
-from warpvis.rendering import Renderer, camera_with_rays
+from warpvis.rendering import Renderer, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -213,21 +213,21 @@ def _add_views(
     grid.ground = ground_bits(target.ground_labels)
     # Flat, since Warp's strides are 32-bit.
     marks = _zeros((math.prod(size),), wp.int32, device)
-    struct, rays = camera_with_rays(camera, device)
+    if camera.ray_model == "table":
+        add_lens_views(target, grid, depth, labels, camera, poses, frames, marks, threads)
+        return
+    lens = camera.device_struct()
     launch_images(
         kernels.mark_surface_points,
         depth.shape,
-        lambda window: [struct, *frames, window, grid, rays, depth, labels, marks],
+        lambda window: [lens, *frames, window, grid, depth, labels, marks],
         device=device,
         threads=1,  # Warp's atomics are not atomic on the CPU: only one thread may write to the marks
     )
-    if camera.ray_model == "table":
-        add_lens_views(target, grid, depth, labels, camera, poses, marks, threads)
-        return
     launch_images(
         kernels.judge_voxels,
         size,
-        lambda window: [struct, *frames, window, grid, depth, labels, marks, target.states, target.labels],
+        lambda window: [lens, *frames, window, grid, depth, labels, marks, target.states, target.labels],
         device=device,
         threads=threads,
     )
@@ -257,13 +257,23 @@ def add_lens_views(
     labels: wp.array | None,
     camera: LensCamera,
     poses: wp.array,
+    frames: list[wp.array],
     marks: wp.array,
     threads: int | None,
 ) -> None:
-    """Raise the voxels by views of a lens; `marks` are those of `mark_surface_points`."""
-    from warpvis.kernels.maps.voxels import judge_voxels_at
+    """Add views of a lens; `frames` are the poses by `camera_frames`, and `marks` zeros, one per voxel."""
+    from warpvis.kernels.maps import lens_voxels as kernels
 
-    device, size, lens = target.states.device, target.states.shape, camera.device_struct()
+    device, lens = target.states.device, camera.device_struct()
+    table = rays_on_device(camera, device)
+    launch_images(
+        kernels.mark_surface_rays,
+        depth.shape,
+        lambda window: [lens, *frames, window, table, grid, depth, labels, marks],
+        device=device,
+        threads=1,  # Warp's atomics are not atomic on the CPU: only one thread may write to the marks
+    )
+    size = target.states.shape
     step = max(1, _AT_ONCE // math.prod(size[1:]))
     for view, row in enumerate(poses.numpy().astype(np.float64)):
         pose = wp.transformd(*row[:3], *(row[3:] / np.linalg.norm(row[3:])))
@@ -277,7 +287,7 @@ def add_lens_views(
             ) -> KernelArguments:
                 return [lens, pose, window, *inputs]
 
-            launch_images(judge_voxels_at, shown.shape, arguments, device=device, threads=threads)
+            launch_images(kernels.judge_voxels_at, shown.shape, arguments, device=device, threads=threads)
 
 
 def _pixels_of(target: VoxelMap, camera: LensCamera, pose: NDArray[np.float64], layers: range) -> NDArray[np.int32]:

@@ -25,7 +25,6 @@ from warpvis.rendering._choices import (
 )
 from warpvis.rendering._computed import Frame, register_output
 from warpvis.rendering._depth_kernels import (
-    camera_with_rays as camera_with_rays,
     launch_back_project as launch_back_project,
     launch_classify as launch_classify,
     launch_label_objects as launch_label_objects,
@@ -49,6 +48,7 @@ from warpvis.rendering._views import (
 )
 from warpvis.rendering.casters.base import Pool as Pool
 from warpvis.rendering.casters.moving import parse_sensor as parse_sensor
+from warpvis.rendering.casters.rays import rays_on_device as rays_on_device
 
 __all__ = [
     "OUTPUTS",

@@ -15,24 +15,10 @@ from warpvis.core.types import KernelArguments
 from warpvis.rendering.casters.rays import rays_on_device
 
 if TYPE_CHECKING:
-    from warpvis.kernels.pinhole import PinholeCamera, Window
+    from warpvis.kernels.pinhole import Window
 
 # A row takes about 0.5 ns per pixel, plus as much for each sphere; waking a thread takes 50 to 100 us.
 _MIN_PIXELS = 2**17
-
-
-def camera_with_rays(camera: ImageCamera, device: wp.Device) -> tuple[PinholeCamera, wp.array | None]:
-    """Return a camera and its rays on a device in the format of `kernels.maps.depth_rows` and `voxels`.
-
-    With a ray table, the camera has only a range, and rays have shape ``(height, width)``; without, rays are None.
-    """
-    from warpvis.kernels.pinhole import PinholeCamera
-
-    if camera.ray_model != "table":
-        return camera.device_struct(), None
-    struct = PinholeCamera()
-    struct.near, struct.far = camera.near, camera.far
-    return struct, rays_on_device(camera, device)
 
 
 def launch_back_project(
@@ -91,11 +77,15 @@ def _launch_camera(
     min_pixels: int,
 ) -> None:
     """Launch a kernel with the camera and, if it has a ray table or if the kernel is one for rows, with its rays."""
-    if depth.device.is_cpu:
-        struct, *rays = camera_with_rays(camera, depth.device)
-    else:
-        struct = camera.device_struct()
-        rays = [rays_on_device(camera, depth.device)] if camera.ray_model == "table" else []
+    from warpvis.kernels.pinhole import PinholeCamera
+
+    struct, is_cpu = camera.device_struct(), depth.device.is_cpu
+    rays = [None] if is_cpu else []
+    if camera.ray_model == "table":
+        rays = [rays_on_device(camera, depth.device)]
+        if is_cpu:
+            near, far, struct = struct.near, struct.far, PinholeCamera()
+            struct.near, struct.far = near, far
 
     def arguments(window: Window) -> KernelArguments:
         return [struct, poses, window, *rays, depth, *inputs]

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 from threading import Event
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import warp as wp
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_empty
-from warpvis.core.threads import pack_launch, run_together
+from warpvis.core.threads import pack_launch, run_together, write_fields
 from warpvis.kernels.constants import (
     COUNTER_FINISHED,
     COUNTER_NEXT_UNIT,
@@ -96,18 +96,18 @@ def judge_by_packets(
     layout = _lay_out(camera, scene.triangle_count, len(poses), len(points), with_id, threads)
     space = _take(clusters, layout)
     space.counter[:] = 0
-    call = PointCall()
-    call.scene, call.camera, call.job, call.worlds = clusters.struct, camera.device_struct(), space.job, worlds
-    call.poses = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
-    call.points, call.tolerance = points, tolerance
+    call: Any = PointCall()
+    call.tolerance = tolerance
+    lens = camera.device_struct()
+    rows = wp.array(np.ascontiguousarray(poses), dtype=wp.transform, device="cpu", copy=False)
+    write_fields(call, scene=clusters.struct, camera=lens, poses=rows, job=space.job, worlds=worlds, points=points)
+    launch = pack_launch(judge_points_packets, [call, status, occluders])
     if space.job.bins is None:
-        # Without scratch memory, a launch only writes the sizes that it needs to `job.bytes`.
-        pack_launch(judge_points_packets, [call, status, occluders]).launch()
+        launch.launch()  # without scratch memory, it only writes the sizes that it needs to `job.bytes`
         bins, scratch = space.job.bytes.numpy().tolist()
         space.job.bins = aligned_empty((layout.workers if layout.views_are_units else 1, bins), wp.uint8)
         space.job.scratch = aligned_empty((layout.workers, scratch), wp.uint8)
-        call.job = space.job
-    launch = pack_launch(judge_points_packets, [call, status, occluders])
+        write_fields(call, job=space.job)
     work = partial(_work, launch, space.counter, layout.units, Event())
     run_together(work, layout.workers, lambda: bool(space.counter[COUNTER_FINISHED] == layout.workers))
     if len(clusters.free_workspaces) < _MAX_CACHED:

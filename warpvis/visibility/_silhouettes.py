@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
@@ -14,7 +14,7 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import launch_images, pack_launch, run_together
+from warpvis.core.threads import launch_images, pack_launch, run_together, write_fields
 from warpvis.core.types import KernelArguments
 from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
 from warpvis.rendering import Views
@@ -143,20 +143,20 @@ class SilhouetteCounter:
     def _count_by_packets(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
     ) -> None:
+        from warpvis.kernels.casting.packets import WorkerMemory
         from warpvis.kernels.visibility.silhouette_packets import SilhouetteCall, measure_silhouettes_packets
 
         workers = min(self._threads, len(poses) * len(self._chosen.index))
         counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
-        call: Any = SilhouetteCall()
-        call.scene, call.chosen, call.camera = self._isolated.bvh().struct, self._chosen, self._camera.device_struct()
-        call.poses, call.canvas, call.worlds, call.comparison = poses, self._canvas, worlds, compared
-        shared = call.workers
+        call, shared, camera = SilhouetteCall(), WorkerMemory(), self._camera.device_struct()
         shared.counter = wp.array(counter, dtype=wp.int32, device="cpu", copy=False)
         shared.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
-        # Without scratch memory, a launch only writes the size that it needs to `scratch_bytes`.
-        pack_launch(measure_silhouettes_packets, [call, *outputs]).launch()
-        shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
+        write_fields(call, scene=self._isolated.bvh().struct, chosen=self._chosen, camera=camera, poses=poses)
+        write_fields(call, workers=shared, canvas=self._canvas, worlds=worlds, comparison=compared)
         launch = pack_launch(measure_silhouettes_packets, [call, *outputs])
+        launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
+        shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
+        write_fields(call, workers=shared)
         run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import check_number, is_number
+from warpvis.core.threads import write_fields
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
 from warpvis.rendering import DepthSensor, Exposure
@@ -113,13 +114,17 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     """Return the inputs of an exposure as a struct for kernels."""
     from warpvis.kernels.sensors.noise import SensorInputs
 
-    inputs, camera = SensorInputs(), exposure.camera
-    inputs.camera = camera.device_struct() if isinstance(camera, Camera) else exposure.image_range
-    inputs.true_depth, inputs.draws, inputs.seed = exposure.true_depth, exposure.draws, exposure.seed
-    if exposure.normals is not None:
-        inputs.normals = exposure.normals
-    if exposure.segmentation is not None:
-        inputs.segmentation = exposure.segmentation
+    camera = exposure.camera
+    inputs: Any = SensorInputs()
+    inputs.seed = exposure.seed
+    fields = {
+        "camera": camera.device_struct() if isinstance(camera, Camera) else exposure.image_range,
+        "true_depth": exposure.true_depth,
+        "draws": exposure.draws,
+        "normals": exposure.normals,
+        "segmentation": exposure.segmentation,
+    }
+    write_fields(inputs, **{name: value for name, value in fields.items() if value is not None})
     return inputs
 
 
@@ -128,9 +133,9 @@ def kernel_images(exposure: Exposure) -> MeasuredImages:
     from warpvis.kernels.sensors.noise import MeasuredImages
 
     images = MeasuredImages()
-    images.depth = exposure.depth_out
+    write_fields(images, depth=exposure.depth_out)
     if exposure.reasons_out is not None:
-        images.reasons = exposure.reasons_out
+        write_fields(images, reasons=exposure.reasons_out)
     return images
 
 
