@@ -54,6 +54,6 @@ for name in ("teleoperator", "collaborator"):
 seen = wv.perspective(scene, agents)
 print(seen.table())
 for candidate in seen.candidates("collaborator", "teleoperator"):
-    print(f"the collaborator may mean the {candidate.object}: score {candidate.score:.2f}")
+    print(f"the collaborator may mean the {candidate.object}: {candidate.probability:.0%}")
 print("the teleoperator must move to see:", ", ".join(seen.to_see("teleoperator", "collaborator")))
 wv.viz.save_perspective(scene, agents, seen, "aloha_perspective.png", title="aloha_pot: teleoperator and collaborator")

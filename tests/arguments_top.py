@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Valid arguments of the functions of the top-level package: ``name: (function, arguments)``."""
 
+import dataclasses
 import types
 
 import numpy as np
@@ -113,7 +114,22 @@ def top_cases(folder):
         "Frames.choose_camera": (wv.Frames.from_poses([POSE], camera=CAMERA).choose_camera, {"camera": CAMERA}),
         "Label.parse": (wv.Label.parse, {"value": "ground"}),
         "Perspective.states": (SEEN.states, {"first": "robot", "second": "human"}),
-        "Perspective.candidates": (SEEN.candidates, {"human": "human", "robot": "robot", "view": 0, "labels": None}),
+        "ReferenceModel": (wv.visibility.ReferenceModel, dataclasses.asdict(wv.visibility.ReferenceModel())),
+        "Perspective.candidates": (
+            SEEN.candidates,
+            {
+                "human": "human",
+                "robot": "robot",
+                "view": 0,
+                "labels": None,
+                "exclude": ["floor"],
+                "gaze": SEEN._parts[1].axis(0)[1],
+                "pointing": [0, 0, 0, 1, 0, 0],
+                "previous": SEEN.candidates("human", labels=None),
+                "elapsed": 0.1,
+                "model": wv.visibility.ReferenceModel(),
+            },
+        ),
         "Perspective.to_see": (SEEN.to_see, {"robot": "robot", "human": "human", "view": 0, "labels": ["object"]}),
         "Perspective.objects_at": (SEEN.objects_at, {"view": 0}),
         "Perspective.report": (SEEN.report, {"view": 0}),

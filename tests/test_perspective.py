@@ -237,10 +237,11 @@ def test_candidates_list_visible_objects(low_wall):
     found = low_wall.candidates("human", "robot")
     assert {item.object for item in found} == {"near human", "beside"}
     states = {item.object: (item.state, item.robot_fraction > 0) for item in found}
-    assert states == {"near human": (State.FIRST, False), "beside": (State.BOTH, True)}
+    assert states == {"near human": (State.SECOND, False), "beside": (State.BOTH, True)}
+    assert sum(item.probability for item in found) == pytest.approx(1, abs=1e-12)
     for item in found:
         assert item.fraction == of(low_wall, "human", item.object, "fraction")
-        assert item.score == pytest.approx(item.fraction * (1 + math.cos(item.gaze_angle)) / 2)
+        assert item.gaze_angle <= of(low_wall, "human", item.object, "gaze_angle")
     assert low_wall.to_see("robot", "human") == ["near human"]
     assert low_wall.to_see("human", "robot") == ["near robot"]
     assert all(item.state is None and item.robot_fraction is None for item in low_wall.candidates("human"))
@@ -251,7 +252,7 @@ def test_candidates_list_visible_objects(low_wall):
     assert "robot body" not in low_wall.to_see("robot", "human", labels=None)
 
 
-def test_candidates_are_sorted_by_attention_and_score():
+def test_candidates_are_sorted_by_probability():
     scene = wv.Scene()
     for name, degrees in (("aside", 60), ("left", -10), ("right", 10), ("ahead", 0), ("edge", 28), ("half", 20)):
         scene.add(trimesh.creation.icosphere(radius=0.1), name=name, label="object", pose=around(degrees))
@@ -259,12 +260,12 @@ def test_candidates_are_sorted_by_attention_and_score():
     scene.add(trimesh.creation.box((0.1, 0.3, 0.2)), name="box", pose=around(20, 2, -0.1))
     seen = perspective(scene, Agent.human("human", wv.look_at((0, 0, 0), (1, 0, 0))))
     found = seen.candidates("human")
-    assert [item.object for item in found if item.object not in ("left", "right")] == ["ahead", "edge", "half", "aside"]
+    assert [item.object for item in found if item.object not in ("left", "right")] == ["ahead", "half", "edge", "aside"]
     assert [item.attended for item in found] == [True] * 5 + [False]
-    assert found[-1].score > found[-2].score  # attention before score
-    scores = [item.score for item in found[:-1]]
-    assert scores == sorted(scores, reverse=True)
-    assert found[0].score == pytest.approx(1)
+    chances = [item.probability for item in found]
+    assert chances == sorted(chances, reverse=True)
+    assert sum(chances) == pytest.approx(1, abs=1e-12)
+    assert found[0].gaze_angle == 0
 
 
 def test_report_is_json_serializable(low_wall):

@@ -88,8 +88,8 @@ class Perspective(ViewpointOptions):
         else:
             labels = sorted({item.label for item in scene} - scene.ground_labels)
         seen = perspective(scene, (robot, human))
-        found = [item for item in seen.candidates("human", "robot", labels=labels) if item.object not in bodies]
-        missed = [item.object for item in found if item.state == State.FIRST]
+        found = seen.candidates("human", "robot", labels=labels, exclude=sorted(bodies))
+        missed = [item.object for item in found if item.state == State.SECOND]
         proposal = propose_view(scene, robot, found, max_distance=max_distance, radius=radius, floor=floor)
 
         if self.out is not None:
@@ -159,8 +159,7 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
     candidates = []
     for item in found:
         fields = asdict(item)
-        del fields["object_poses"]
-        del fields["state"]  # its agents are person and robot, in this order; elsewhere the robot comes first
+        del fields["object_poses"], fields["state"]
         candidates.append(fields | {"robot_sees": item.state == State.BOTH})
     return {
         "candidates": candidates,
@@ -178,8 +177,8 @@ def _format_result(found: list[Candidate], missed: list[str], proposal: Proposal
         assert item.robot_fraction is not None  # the robot was passed to `candidates`
         angle = f"{math.degrees(item.gaze_angle):.0f} degrees"
         robot = "no" if item.object in missed else format_fraction(item.robot_fraction)
-        rows.append([item.object, format_fraction(item.score), angle, "yes" if item.attended else "no", robot])
-    lines = [format_rows(["the human may mean", "score", "from the gaze", "attended", "robot sees"], rows), ""]
+        rows.append([item.object, format_fraction(item.probability), angle, "yes" if item.attended else "no", robot])
+    lines = [format_rows(["the human may mean", "probability", "from the gaze", "attended", "robot sees"], rows), ""]
     if not missed:
         return "\n".join([*lines, "The robot sees all of them."])
     lines.append(f"The robot must move to see {', '.join(missed)}.")

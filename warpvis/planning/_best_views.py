@@ -31,6 +31,8 @@ Measure = Literal["fraction", "pixels"]
 
 _FIELDS = {"fraction": ("fraction", wp.float32), "pixels": ("visible_pixels", wp.int32)}
 
+# Without `ReferenceModel.lapse`, probabilities may round to 0.
+_MIN_WEIGHT = 1e-30
 # Candidates times objects that are evaluated per call, whose counters take 150 MB.
 _AT_A_TIME = 1 << 21
 
@@ -328,7 +330,7 @@ def propose_view(
     """Find a pose near the robot from which it sees the most of the objects that only the person sees.
 
     The camera keeps its height and looks at the most likely of these objects. Candidate positions are those of
-    `pose_grid` at which the robot has `standing_room`. Objects are weighted by `Candidate.score`, their likelihood to
+    `pose_grid` at which the robot has `standing_room`. Objects are weighted by `Candidate.probability`, that to
     be meant by the person. Among positions with similar scores, the nearest is chosen.
 
     Args:
@@ -358,7 +360,7 @@ def propose_view(
         raise CameraError(f"camera of {robot.name!r} must be a warpvis.Camera, got a FieldOfView")
     if len(robot.poses) != 1:
         raise ArrayError(f"{robot.name!r} must have one pose, got {len(robot.poses)}")
-    missed = [item for item in items if item.state == State.FIRST and item.object not in robot.body]
+    missed = [item for item in items if item.state == State.SECOND and item.object not in robot.body]
     if not missed:
         return None
     max_distance = check_length(max_distance, "max_distance")
@@ -383,7 +385,7 @@ def propose_view(
         robot.camera,
         places[is_free],
         objects=[item.object for item in missed],
-        weights=[item.score for item in missed],
+        weights=[max(item.probability, _MIN_WEIGHT) for item in missed],
         start=current_pose,
         tie=_TIE,
         **options,

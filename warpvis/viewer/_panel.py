@@ -256,10 +256,9 @@ def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radi
     robot, other = snapshot.agents
     if robot.pinhole is None:
         return f"{robot.name} has no pinhole camera."
-    bodies = {*robot.body, *other.body}
+    bodies = [*robot.body, *other.body]
     labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]
-    found = snapshot.seen.candidates(other.name, robot.name, labels=labels)
-    found = [item for item in found if item.object not in bodies]
+    found = snapshot.seen.candidates(other.name, robot.name, labels=labels, exclude=bodies)
     if not found:
         return f"{other.name} sees no object."
     object_poses = snapshot.object_poses if len(snapshot.object_poses) else None

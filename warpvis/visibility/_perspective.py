@@ -4,9 +4,7 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,43 +21,16 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._agents import Agent, Situations
+from warpvis.visibility._candidates import (
+    Candidate,
+    State,
+    parse_previous,
+    require_model,
+    weigh_candidates,
+)
+from warpvis.visibility._extents import ObjectBoxes, VisibleParts
 from warpvis.visibility._objects import COUNTERS, ObjectVisibility, choose_objects, see_objects
-
-
-class State(enum.IntEnum):
-    """Which of two agents see an object: the paper's four cases."""
-
-    NEITHER = 0
-    """Neither agent sees it."""
-    FIRST = 1
-    """Only the first agent sees it."""
-    SECOND = 2
-    """Only the second agent sees it."""
-    BOTH = 3
-    """Both agents see it."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An object that a person sees and may refer to."""
-
-    object: str
-    """Name of the object."""
-    score: float
-    """``fraction * (1 + cos(gaze_angle)) / 2``: 1 for a fully visible object straight ahead, 0 behind the person."""
-    fraction: float
-    """Fraction of the object's silhouette that the person sees."""
-    gaze_angle: float
-    """Angle between the person's axis and the center of the object's box [rad]."""
-    attended: bool
-    """Whether the object is in the person's field of attention."""
-    state: State | None
-    """Whether the person (first) and the robot (second) see the object; None without a robot."""
-    robot_fraction: float | None
-    """Fraction of the object's silhouette that the robot sees; None without a robot."""
-    object_poses: NDArray[np.float32] | None = field(default=None, repr=False, compare=False)
-    """Poses of the movable objects in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if nothing is
-    movable."""
+from warpvis.visibility._reference_model import ReferenceModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +67,10 @@ class Perspective:
     ``(1, M, 7)``; None if nothing is movable."""
     label_names: LabelNames = field(default_factory=LabelNames)
     """Names of the scene's classes."""
+    _parts: tuple[VisibleParts, ...] = field(default=(), repr=False)
+    """Images of each agent, for `candidates`."""
+    _boxes: ObjectBoxes = field(default_factory=ObjectBoxes.none, repr=False)
+    """Boxes of the objects, for `candidates`."""
 
     @property
     def visible(self) -> NDArray[np.bool_]:
@@ -103,7 +78,11 @@ class Perspective:
         return self.status == Visibility.VISIBLE
 
     def states(self, first: str, second: str) -> NDArray[np.uint8]:
-        """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body."""
+        """Return the `State` of every object for two agents, ``(V, K)``. An agent does not see its own body.
+
+        FIRST means that only the agent `first` sees it. Where this package compares a robot and a person, the robot is
+        first: `candidates` as ``states(robot, human)``, `report` and `table` in the order of `agents`.
+        """
         seen = self.visible
         return (State.FIRST * seen[self._agent(first)] + State.SECOND * seen[self._agent(second)]).astype(np.uint8)
 
@@ -114,40 +93,77 @@ class Perspective:
         *,
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+        exclude: Sequence[str] = (),
+        gaze: ArrayInput | None = None,
+        pointing: ArrayInput | None = None,
+        previous: Sequence[Candidate] | None = None,
+        elapsed: float | None = None,
+        model: ReferenceModel | None = None,
     ) -> list[Candidate]:
         """Return the objects that a person may refer to, those that the person sees, most likely first.
 
-        Attended objects come first; objects are then sorted by decreasing `Candidate.score`, then in the order of the
-        scene's objects.
+        Probabilities sum to 1. Objects of equal probability are in the order of the scene's objects.
 
         Args:
             human: Name of the person.
-            robot: Name of a robot, for `Candidate.state` and `Candidate.robot_fraction`.
+            robot: Name of a robot, for `Candidate.state`, `Candidate.robot_fraction` and
+                `ReferenceModel.person_only_weight`.
             view: Index of the situation.
             labels: Labels of the objects to include, numbers or names; None for all.
+            exclude: Names of objects that are not meant, for example the robot's body.
+            gaze: Direction in the world in which the person's eyes look, of any length, ``(3,)``. By default only the
+                head's direction is known, the axis of the person's pose.
+            pointing: Rays along the person's fingers or forearms, ``x y z dx dy dz`` in the world [m], ``(6,)`` or
+                ``(R, 6)``. Rays are treated as independent: pass one for each arm that points.
+            previous: Candidates of the previous frame, whose probabilities are updated. They may come from another
+                `Perspective`: objects are matched by name.
+            elapsed: Time since `previous` [s].
+            model: Parameters of the probability; those of `ReferenceModel()` by default.
+
+        Raises:
+            ArrayError: If `gaze` is outside the range of the eyes, `ReferenceModel.max_eye_angle`.
         """
-        person, view = self._agent(human), self._view(view)
+        person, view, model = self._agent(human), self._view(view), require_model(model)
         included = set(self.labels) if labels is None else self.label_names.numbers(labels)
+        excluded = as_items(exclude, "exclude", SceneError)
+        unknown = [name for name in excluded if not isinstance(name, str) or name not in self.scene_objects]
+        if unknown:
+            raise SceneError(f"exclude must be names of objects of the scene, got {unknown[0]!r}")
         robot_index = None if robot is None else self._agent(robot)
-        states = None if robot is None else self.states(human, robot)[view]
-        found = []
-        for k in np.flatnonzero(self.visible[person, view]):
-            if self.labels[k] not in included:
-                continue
-            fraction, angle = float(self.fraction[person, view, k]), float(self.gaze_angle[person, view, k])
-            found.append(
-                Candidate(
-                    object=self.objects[k],
-                    score=fraction * (1 + math.cos(angle)) / 2,
-                    fraction=fraction,
-                    gaze_angle=angle,
-                    attended=bool(self.attended[person, view, k]),
-                    state=None if states is None else State(states[k]),
-                    robot_fraction=None if robot_index is None else float(self.fraction[robot_index, view, k]),
-                    object_poses=self.objects_at(view),
-                )
+        states = None if robot is None else self.states(robot, human)[view]
+        chosen = [self.labels[k] in included and name not in excluded for k, name in enumerate(self.objects)]
+        found = np.flatnonzero(self.visible[person, view] & chosen)
+        fractions = self.fraction[person, view, found].astype(np.float64)
+        evidence = weigh_candidates(
+            model,
+            self._parts[person],
+            self._boxes,
+            found,
+            view,
+            fractions=fractions,
+            person_only=np.zeros(len(found), dtype=bool) if states is None else states[found] == State.SECOND,
+            object_poses=self.objects_at(view),
+            gaze=gaze,
+            pointing=pointing,
+            previous=parse_previous(previous, elapsed, [self.objects[k] for k in found]),
+        )
+        angles = evidence.pointing_angles
+        return [
+            Candidate(
+                object=self.objects[k],
+                probability=float(evidence.probabilities[n]),
+                fraction=float(fractions[n]),
+                gaze_angle=float(evidence.gaze_angles[n]),
+                pointing_angle=None if angles is None else float(angles[n]),
+                solid_angle=float(evidence.solid_angles[n]),
+                attended=bool(self.attended[person, view, k]),
+                state=None if states is None else State(states[k]),
+                robot_fraction=None if robot_index is None else float(self.fraction[robot_index, view, k]),
+                object_poses=self.objects_at(view),
             )
-        return sorted(found, key=lambda candidate: (not candidate.attended, -candidate.score))
+            for n in np.argsort(-evidence.probabilities, kind="stable")
+            for k in [found[n]]
+        ]
 
     def to_see(
         self,
@@ -161,9 +177,9 @@ class Perspective:
 
         The person may refer to one of them, and the robot must move to see it. The robot's own body is not included.
         """
-        own_body = {name for name, is_own in zip(self.objects, self.body[self._agent(robot)], strict=True) if is_own}
-        found = self.candidates(human, robot, view=view, labels=labels)
-        return [item.object for item in found if item.state == State.FIRST and item.object not in own_body]
+        own_body = [name for name, is_own in zip(self.objects, self.body[self._agent(robot)], strict=True) if is_own]
+        found = self.candidates(human, robot, view=view, labels=labels, exclude=own_body)
+        return [item.object for item in found if item.state == State.SECOND]
 
     def objects_at(self, view: int) -> NDArray[np.float32] | None:
         """Return the poses of the movable objects in a situation, ``(M, 7)``; None if nothing is movable."""
@@ -288,10 +304,11 @@ def perspective(
     measurement = _Measurement(scene, indices, situations, min_pixels, delta, threads)
     shape = (situations.count, len(indices))
 
-    sums, occluders, attended, angles = [], [], [], []
+    sums, occluders, attended, angles, parts = [], [], [], [], []
     centers = situations.centers(scene, indices)
     for agent in agents:
-        counts, occluder = measurement.measure(agent)
+        counts, occluder, part = measurement.measure(agent)
+        parts.append(part)
         sums.append(np.broadcast_to(counts, (len(COUNTERS), *shape)))
         occluders.append(np.broadcast_to(occluder, shape))
         attended.append(np.broadcast_to(measurement.count_attended(agent) >= min_pixels, shape))
@@ -316,6 +333,8 @@ def perspective(
         scene_objects=tuple(item.name for item in items),
         object_poses=situations.rows(),
         label_names=LabelNames(scene.label_names),
+        _parts=tuple(parts),
+        _boxes=ObjectBoxes.of(scene, indices),
     )
 
 
@@ -330,14 +349,15 @@ class _Measurement:
     delta: float
     threads: int | None
 
-    def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Return an agent's `COUNTERS`, summed over its faces, ``(5, views, K)``, and the main occluders."""
+    def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32], VisibleParts]:
+        """Return an agent's `COUNTERS`, summed over its faces, ``(5, views, K)``, main occluders and visible pixels."""
         faces = [self._see(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
         counts = np.stack([[getattr(seen, name).numpy() for name in COUNTERS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
         occluders = np.stack([seen.occluder.numpy() for seen in faces])
         main_face = hidden.argmax(axis=0)[None]
-        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, main_face, axis=0)[0]
+        parts = VisibleParts(agent, np.stack([seen.visible_box.numpy() for seen in faces]), counts[:, 0].copy())
+        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, main_face, axis=0)[0], parts
 
     def count_attended(self, agent: Agent) -> NDArray[np.int32]:
         """Return the visible pixels of each object in the field of attention, ``(views, K)``; INT32_MAX without one."""

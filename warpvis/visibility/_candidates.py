@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Objects that a person may refer to, and the evidence for each: gaze, pointing, and the previous frame."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import as_numpy, as_point
+from warpvis.core.checks import as_items, is_number
+from warpvis.core.types import ArrayInput
+from warpvis.errors import ArrayError, SceneError
+from warpvis.visibility._extents import ObjectBoxes, VisibleParts
+from warpvis.visibility._reference_model import (
+    Floats,
+    ReferenceModel,
+    log_densities,
+    posterior_probabilities,
+    prior_probabilities,
+)
+
+
+class State(enum.IntEnum):
+    """Which of two agents see an object: the paper's four cases."""
+
+    NEITHER = 0
+    """Neither agent sees it."""
+    FIRST = 1
+    """Only the first agent sees it."""
+    SECOND = 2
+    """Only the second agent sees it."""
+    BOTH = 3
+    """Both agents see it."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An object that a person sees and may refer to."""
+
+    object: str
+    """Name of the object."""
+    probability: float
+    """Probability that the person means it rather than another candidate; see `ReferenceModel`."""
+    fraction: float
+    """Fraction of the object's silhouette that the person sees."""
+    gaze_angle: float
+    """Angle between the gaze and the nearest visible part of the object [rad], 0 if the gaze hits it."""
+    pointing_angle: float | None
+    """Angle between the pointing ray, or the nearest one, and the object's box, seen from the start of the ray [rad], 0
+    if the ray hits it; None without a ray."""
+    solid_angle: float
+    """Solid angle of what the person sees of the object [sr]."""
+    attended: bool
+    """Whether the object is in the person's field of attention."""
+    state: State | None
+    """Whether the robot (first) and the person (second) see the object, as in ``states(robot, person)``: BOTH or
+    SECOND; None without a robot."""
+    robot_fraction: float | None
+    """Fraction of the object's silhouette that the robot sees; None without a robot."""
+    object_poses: NDArray[np.float32] | None = field(default=None, repr=False, compare=False)
+    """Poses of the movable objects in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if nothing is
+    movable."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Quantities of N candidates, ``(N,)`` each; `pointing_angles` is None without a ray."""
+
+    probabilities: Floats
+    gaze_angles: Floats
+    pointing_angles: Floats | None
+    solid_angles: Floats
+
+
+def require_model(model: ReferenceModel | None) -> ReferenceModel:
+    """Return the model, or the default one for None."""
+    if model is None:
+        return ReferenceModel()
+    if not isinstance(model, ReferenceModel):
+        raise SceneError(f"model must be a warpvis.visibility.ReferenceModel, got {type(model).__name__}")
+    return model
+
+
+def parse_gaze(gaze: ArrayInput | None, axis: Floats, model: ReferenceModel) -> tuple[Floats, float]:
+    """Return the gaze as a unit vector, and its standard deviation [rad]: those of the head for None."""
+    if gaze is None:
+        return axis, model.head_sigma
+    direction = as_point(gaze, "gaze")
+    length = np.linalg.norm(direction)
+    if length == 0:
+        raise ArrayError("gaze must be a direction in the world, three numbers that are not all 0, got [0, 0, 0]")
+    direction = direction / length
+    angle = math.atan2(float(np.linalg.norm(np.cross(axis, direction))), float(axis @ direction))
+    if angle > model.max_eye_angle:
+        raise ArrayError(
+            f"gaze must be within {math.degrees(model.max_eye_angle):.0f} degrees of the axis of the person's pose, "
+            f"got {math.degrees(angle):.0f} degrees; the pose must be the head's, and gaze a direction in the world"
+        )
+    return direction, model.gaze_sigma
+
+
+def parse_rays(pointing: ArrayInput | None) -> Floats:
+    """Return pointing rays as origins and unit vectors, ``(R, 6)``; no row for None."""
+    if pointing is None:
+        return np.empty((0, 6))
+    rays = as_numpy(pointing, name="pointing").astype(np.float64)
+    shape = rays.shape
+    rays = rays[None] if rays.ndim == 1 else rays
+    expected = "pointing must be rays x y z dx dy dz in the world, shape (6,) or (R, 6)"
+    if rays.ndim != 2 or rays.shape[1] != 6:
+        raise ArrayError(f"{expected}, got shape {shape}")
+    lengths = np.linalg.norm(rays[:, 3:], axis=1, keepdims=True)
+    if not np.isfinite(rays).all() or not (lengths > 0).all():
+        raise ArrayError(f"{expected}, of finite numbers and directions that are not 0, got {rays.tolist()}")
+    return np.hstack([rays[:, :3], rays[:, 3:] / lengths])
+
+
+def parse_previous(
+    previous: Sequence[Candidate] | None, elapsed: float | None, names: Sequence[str]
+) -> tuple[Floats | None, float]:
+    """Return the previous probabilities of the named objects, 0 for others, and the time since then [s]."""
+    if previous is None:
+        if elapsed is not None:
+            raise ArrayError("elapsed must be given with previous, the candidates of the previous frame")
+        return None, 0.0
+    items = as_items(previous, "previous", SceneError)
+    wrong = [type(item).__name__ for item in items if not isinstance(item, Candidate)]
+    if wrong:
+        raise SceneError(f"previous must be Candidate objects from Perspective.candidates, got {wrong[0]}")
+    if not is_number(elapsed) or not 0 <= elapsed < math.inf:
+        raise ArrayError(f"elapsed must be the seconds since previous, a number from 0 up, got {elapsed!r}")
+    before = {item.object: item.probability for item in items}
+    return np.array([before.get(name, 0.0) for name in names]), float(elapsed)
+
+
+def weigh_candidates(
+    model: ReferenceModel,
+    person: VisibleParts,
+    boxes: ObjectBoxes,
+    k: NDArray[np.intp],
+    view: int,
+    *,
+    fractions: Floats,
+    person_only: NDArray[np.bool_],
+    object_poses: NDArray[np.float32] | None,
+    gaze: ArrayInput | None,
+    pointing: ArrayInput | None,
+    previous: tuple[Floats | None, float],
+) -> Evidence:
+    """Return the probabilities of N candidates with indices `k`, and what they are computed from."""
+    eyes, axis = person.axis(view)
+    direction, sigma = parse_gaze(gaze, axis, model)
+    rays = parse_rays(pointing)
+    if not len(k):
+        return Evidence(*(np.empty(0),) * 4)
+    seen = person.measure(k, view, direction)
+    if seen is None:
+        angles, solid_angles = boxes.measure(k, object_poses, eyes, direction)
+        seen = angles, solid_angles * fractions
+    angles, solid_angles = seen
+    log_density = log_densities(model, angles, solid_angles, sigma)
+    pointing_angles = None
+    for ray in rays:
+        ray_angles, ray_solid_angles = boxes.measure(k, object_poses, ray[:3], ray[3:])
+        log_density += log_densities(model, ray_angles, ray_solid_angles, model.pointing_sigma)
+        pointing_angles = ray_angles if pointing_angles is None else np.minimum(pointing_angles, ray_angles)
+    prior = prior_probabilities(model, solid_angles, person_only)
+    before, elapsed = previous
+    probabilities = posterior_probabilities(model, prior, log_density, before, elapsed)
+    return Evidence(probabilities, angles, pointing_angles, solid_angles)

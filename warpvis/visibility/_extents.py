@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Directions and solid angles of objects: of the parts that an agent sees, and of boxes around objects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.cameras.image_cameras import as_pinhole
+from warpvis.core.poses import poses_to_matrices
+from warpvis.scene import Scene
+from warpvis.scene.worlds import pose_columns
+from warpvis.visibility._agents import Agent
+from warpvis.visibility._reference_model import Floats, angles_to_quads, quad_solid_angles
+
+# Faces of a box: indices of corners, whose bits are the upper bounds in x, y and z.
+_BOX_FACES = np.array([[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]])
+_BITS = (np.arange(8)[:, None] >> np.arange(3)) & 1
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectBoxes:
+    """Boxes of K objects, aligned with their frames if they are movable, otherwise with the world."""
+
+    bounds: Floats
+    """Lower and upper bounds [m], ``(K, 2, 3)``."""
+    columns: NDArray[np.int64]
+    """Index of the movable object that each object moves with; -1 if static, ``(K,)``."""
+
+    @classmethod
+    def of(cls, scene: Scene, indices: Sequence[int]) -> ObjectBoxes:
+        """Return the boxes of a scene's objects."""
+        corners = [scene.objects[index].frame_vertices for index in indices]
+        bounds = np.array([[points.min(axis=0), points.max(axis=0)] for points in corners], dtype=np.float64)
+        return cls(bounds, np.array(pose_columns(scene), dtype=np.int64)[list(indices)])
+
+    @classmethod
+    def none(cls) -> ObjectBoxes:
+        """Return the boxes of no objects."""
+        return cls(np.empty((0, 2, 3)), np.empty(0, dtype=np.int64))
+
+    def measure(
+        self, k: NDArray[np.intp], object_poses: NDArray[np.float32] | None, origin: Floats, direction: Floats
+    ) -> tuple[Floats, Floats]:
+        """Measure boxes from a point in the world.
+
+        Args:
+            k: The objects, ``(N,)``.
+            object_poses: Poses of the movable objects, ``(M, 7)``; None if nothing is movable.
+            origin: The point [m], ``(3,)``.
+            direction: Unit vector, ``(3,)``.
+
+        Returns:
+            Angles between the direction and the boxes' nearest directions [rad], 0 inside; solid angles [sr]: ``(N,)``.
+        """
+        bounds = self.bounds[k]
+        corners = bounds[:, _BITS, np.arange(3)]
+        if object_poses is not None:
+            moved = self.columns[k] >= 0
+            frames = poses_to_matrices(object_poses[self.columns[k][moved]].astype(np.float64))
+            corners[moved] = corners[moved] @ frames[:, :3, :3].swapaxes(1, 2) + frames[:, None, :3, 3]
+        quads = (corners - origin)[:, _BOX_FACES]
+        # Front and back of a convex surface have the same solid angle.
+        return angles_to_quads(direction, quads).min(axis=1), quad_solid_angles(quads).sum(axis=1) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleParts:
+    """Pixels in which an agent sees each of K objects, in its F images in V situations, or in one for all of them."""
+
+    agent: Agent
+    """The agent."""
+    boxes: NDArray[np.int32]
+    """Bounding boxes of visible pixels: x, y, width and height [px], -1 for none, ``(F, V or 1, K, 4)``."""
+    pixels: NDArray[np.int32]
+    """Visible pixels, ``(F, V or 1, K)``."""
+
+    def axis(self, view: int) -> tuple[Floats, Floats]:
+        """Return the agent's eyes [m] and the direction of its axis in a situation, ``(3,)`` each."""
+        pose = poses_to_matrices(_row(self.agent.poses, view)[None])[0]
+        return pose[:3, 3], pose[:3, 2]
+
+    def measure(self, k: NDArray[np.intp], view: int, direction: Floats) -> tuple[Floats, Floats] | None:
+        """Measure the visible parts of objects in a situation.
+
+        Args:
+            k: The objects, ``(N,)``.
+            view: Index of the situation.
+            direction: Unit vector in the world, ``(3,)``.
+
+        Returns:
+            Angles between the direction and the nearest directions of the bounding rectangles of visible pixels [rad],
+            0 inside; solid angles of the visible parts [sr]: ``(N,)``. None if the agent's camera is no pinhole.
+        """
+        angles, solid_angles = np.full(len(k), np.pi), np.zeros(len(k))
+        for face, boxes, pixels in zip(self.agent.faces, self.boxes, self.pixels, strict=True):
+            camera = as_pinhole(face.camera)
+            if camera is None:
+                return None
+            x, y, width, height = _row(boxes, view)[k].T.astype(np.float64)
+            counts = np.where(width > 0, _row(pixels, view)[k], 0)
+            x = np.where(counts > 0, x, np.nan)
+            corners = np.stack([x, y, x + width, y, x + width, y + height, x, y + height], axis=-1).reshape(-1, 4, 2)
+            # Image coordinates of pixel borders are whole numbers.
+            rays = np.ones((len(k), 4, 3))
+            rays[..., :2] = (corners - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+            quads = rays @ poses_to_matrices(_row(self.agent.face_poses(face), view)[None])[0, :3, :3].T
+            angles = np.minimum(angles, angles_to_quads(direction, quads))
+            solid_angles += quad_solid_angles(quads) * counts / np.maximum(width * height, 1)
+        return angles, solid_angles
+
+
+def _row(values: NDArray[Any], view: int) -> NDArray[Any]:
+    """Return the values of a situation: all situations may share one row."""
+    return values[view if len(values) > 1 else 0]
