@@ -17,7 +17,7 @@ SAYS = {
     "torch_depth.py": r"a tensor \(32, 64, 64\) on (cpu|cuda:0), of the same memory\n"
     r"the error fell from 0\.\d+ to 0\.0[01]\d, of shares of 0\.09",
     "aloha_perspective.py": r"spoon +object +hidden by pot +hidden by pot +neither\n"
-    r"the collaborator may mean the salt: score 0\.98(.|\n)*the teleoperator must move to see: salt\n",
+    r"the collaborator may mean the (pot|lid): 4\d%(.|\n)*the salt: 1\d%\nthe teleoperator must move to see: salt\n",
     "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
     r'bowl: {"status": "visible", "fraction": 1\.0, .*\nlamp: {"status": "out_of_view"',
     "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "

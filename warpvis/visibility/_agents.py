@@ -21,7 +21,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_t
 from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.scene import Scene
-from warpvis.scene.worlds import parse_worlds, pose_columns
+from warpvis.scene.worlds import parse_worlds
 
 # The pixel density of a pinhole image grows off its axis: at 40 degrees, a row has 1.7 times as many pixels per degree.
 _MAX_PIXELS = 1 << 19
@@ -334,19 +334,17 @@ class Situations:
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
         return rows if self.world_index is None else rows[self.world_index]
 
-    def centers(self, scene: Scene, indices: Sequence[int]) -> NDArray[np.float64]:
-        """Return the centers of objects' boxes in each situation's world [m], ``(count, K, 3)`` or ``(1, K, 3)``.
+    def move(self, points: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return a point of each of K objects in each situation's world [m], ``(count, K, 3)`` or ``(1, K, 3)``.
 
-        Boxes of movable objects are aligned with their frames, boxes of static objects with the world.
+        Args:
+            points: Points in the frames of movable objects, or in the world [m], ``(K, 3)``.
+            columns: Index of the movable object that each object moves with; -1 if static, ``(K,)``.
         """
-        rows = None if self.object_poses is None else self.object_poses.numpy()
-        columns = pose_columns(scene)
-        all_centers = np.empty((1 if rows is None else len(rows), len(indices), 3))
-        for k, index in enumerate(indices):
-            corners = scene.objects[index].frame_vertices
-            center = (corners.min(axis=0).astype(np.float64) + corners.max(axis=0)) / 2
-            if rows is not None and columns[index] >= 0:
-                frames = poses_to_matrices(rows[:, columns[index]])
-                center = frames[:, :3, :3] @ center + frames[:, :3, 3]
-            all_centers[:, k] = center
-        return all_centers if self.world_index is None else all_centers[self.world_index]
+        if self.object_poses is None:
+            return points[None]
+        moved = columns >= 0
+        frames = poses_to_matrices(self.object_poses.numpy()[:, columns[moved]])
+        worlds = np.repeat(points[None], len(frames), axis=0)
+        worlds[:, moved] = (frames[..., :3, :3] @ points[moved, :, None])[..., 0] + frames[..., :3, 3]
+        return worlds if self.world_index is None else worlds[self.world_index]

@@ -305,7 +305,8 @@ def perspective(
     shape = (situations.count, len(indices))
 
     sums, occluders, attended, angles, parts = [], [], [], [], []
-    centers = situations.centers(scene, indices)
+    boxes = ObjectBoxes.of(scene, indices)
+    centers = situations.move(boxes.bounds.mean(axis=1), boxes.columns)
     for agent in agents:
         counts, occluder, part = measurement.measure(agent)
         parts.append(part)
@@ -334,7 +335,7 @@ def perspective(
         object_poses=situations.rows(),
         label_names=LabelNames(scene.label_names),
         _parts=tuple(parts),
-        _boxes=ObjectBoxes.of(scene, indices),
+        _boxes=boxes,
     )
 
 

@@ -58,8 +58,8 @@ class ReferenceModel:
     doi:10.3758/BF03194544)."""
     salience_exponent: float = 0.1
     """Exponent of the visible solid angle in the prior: 10 times as large is 1.26 times as likely. Size guides
-    attention (Wolfe and Horowitz, Nature Human Behaviour 1, 2017, 0058, doi:10.1038/s41562-017-0058); the value is a
-    choice. 0 ignores sizes."""
+    attention (Wolfe and Horowitz, Five factors that guide attention in visual search, 2017,
+    doi:10.1038/s41562-017-0058); the value is a choice. 0 ignores sizes."""
     person_only_weight: float = 1.0
     """Weight in the prior of an object that only the person sees, relative to one that the robot sees too. Above 1 if
     people are expected to ask for what the robot does not see. Objects that the person does not see are not
@@ -116,8 +116,8 @@ def posterior_probabilities(
         model: Parameters.
         prior: Prior of the objects, ``(N,)``.
         log_density: Logarithm of the density of all directions of the frame, ``(N,)``.
-        previous: Probabilities of these objects after the last frame; None in the first frame. What is missing to 1
-            belongs to objects that are no candidates anymore, from which the person has moved on.
+        previous: Probabilities of these objects after the last frame; None in the first frame. If their
+            sum is below 1, the rest belongs to objects that are no longer candidates: the person has moved on.
         elapsed: Time since the last frame [s].
     """
     if previous is not None:
