@@ -249,6 +249,16 @@ def top_cases(folder):
                 "threads": 1,
             },
         ),
+        "open_recording": (
+            wv.open_recording,
+            {
+                "path": folder / "recording",
+                "file_format": "images",
+                "camera": CAMERA,
+                "unit": 0.001,
+                "poses": folder / "walk.txt",
+            },
+        ),
         "perspective": (
             wv.perspective,
             {

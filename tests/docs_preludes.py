@@ -101,7 +101,10 @@ def _extending(folder):
 
 
 def _files(folder):
+    from support.recordings import write_tum
+
     _room().export(folder / "lab.glb")
+    write_tum(folder / "rgbd_dataset_freiburg1_desk", count=2)
     return {}
 
 

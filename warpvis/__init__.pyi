@@ -27,7 +27,7 @@ from .cameras.pinhole import Camera as Camera
 from .core.labels import Label as Label, Visibility as Visibility
 from .core.poses import look_at as look_at
 from .errors import WarpvisError as WarpvisError
-from .io import read_frames as read_frames
+from .io import open_recording as open_recording, read_frames as read_frames
 from .maps import (
     FloorMap as FloorMap,
     VoxelMap as VoxelMap,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readers and writers of meshes, cameras, points, poses and depth images, one module per format; and ROS messages.
 
-`wv.Scene.load` and `wv.read_frames` choose the reader by the file name.
+`wv.Scene.load`, `wv.read_frames` and `wv.open_recording` choose the reader by the names of files.
 """
 
 from __future__ import annotations
@@ -26,8 +26,12 @@ from warpvis.io._scene_files import export_scene as export_scene, read_parts as 
 from warpvis.io.cameras._files import load_camera
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tables import read_poses
+from warpvis.io.recordings._open import open_recording as open_recording
+from warpvis.io.recordings._recording import MeasuredFrame, Recording
 
 __all__ = [
+    "MeasuredFrame",
+    "Recording",
     "from_image_msg",
     "load_camera",
     "read_depth",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Single depth images: 16-bit PNG in millimeters or other units, and NumPy files."""
+"""Single depth images: PNG and TIFF of 16 bits in millimeters or other units, float TIFF, and NumPy files."""
 
 from __future__ import annotations
 
@@ -159,7 +159,8 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
     """Read one depth image.
 
     Args:
-        path: A grayscale 16-bit PNG, or a NumPy array, shape ``(H, W)``: integers are units, floats meters.
+        path: A grayscale PNG or TIFF of 16 bits, a float TIFF, or a NumPy array, shape ``(H, W)``: integers are units,
+            floats meters.
         unit: Length of one unit [m].
 
     Returns:
@@ -189,14 +190,17 @@ def _read(path: Path) -> NDArray:
         return read_array(path)
     from PIL import Image
 
+    kind = "TIFF" if path.suffix.lower() in (".tif", ".tiff") else "PNG"
     try:
-        with Image.open(path, formats=("PNG",)) as picture:
+        with Image.open(path, formats=(kind,)) as picture:
             mode, image = picture.mode, np.asarray(picture)
     except Exception as error:  # each kind of damage raises its own exception
-        raise FileFormatError(f"{path}: not a PNG image: {describe_exception(error)}") from None
+        raise FileFormatError(f"{path}: not a {kind} image: {describe_exception(error)}") from None
+    if kind == "TIFF" and mode == "F":
+        return image
     if mode not in ("I;16", "I;16B", "I"):
         raise FileFormatError(
-            f"{path}: expected a gray PNG of 16 bits, as depth cameras' programs write, got mode {mode}"
+            f"{path}: expected a gray {kind} of 16 bits, as depth cameras' programs write, got mode {mode}"
         )
     return image.astype(np.uint16)  # Pillow returns 32 bits for some of these files
 

@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of a room, 6 x 4 x 3 m, computed in double precision and written in the formats of datasets."""
+
+import numpy as np
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 3.0])
+FLIP = np.diag([1.0, -1.0, 1.0, 1.0])
+
+
+def poses(times):
+    """Return camera-to-world matrices of a camera that moves and turns at constant rates, shape ``(N, 4, 4)``."""
+    times = np.asarray(times, dtype=np.float64)
+    matrices = np.tile(np.eye(4), (len(times), 1, 1))
+    level = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # looks along x, y down
+    turn = Rotation.from_rotvec(times[:, None] * [0.05, -0.1, 0.4]).as_matrix()
+    matrices[:, :3, :3] = turn @ Rotation.from_euler("y", 0.2).as_matrix() @ level
+    matrices[:, :3, 3] = [1.5, 2.0, 1.2] + times[:, None] * [0.2, 0.1, 0.05]
+    return matrices
+
+
+def rows(matrices):
+    """Return rows ``x y z qx qy qz qw``."""
+    turns = Rotation.from_matrix(matrices[:, :3, :3]).as_quat()
+    return np.concatenate([matrices[:, :3, 3], turns], axis=1)
+
+
+def rays(k, width, height, center=0.0):
+    """Return the directions of pixels whose centers are at integers plus `center`, with z = 1, ``(H, W, 3)``."""
+    y, x = np.mgrid[:height, :width] + center
+    fx, fy, cx, cy = k
+    return np.stack([(x - cx) / fx, (y - cy) / fy, np.ones_like(x)], axis=-1)
+
+
+def room_depth(directions, pose):
+    """Return the depth of the room's walls, by their planes [m]."""
+    turned = directions @ pose[:3, :3].T
+    with np.errstate(divide="ignore"):
+        walls = np.where(turned > 0, (HIGH - pose[:3, 3]) / turned, (LOW - pose[:3, 3]) / turned)
+    return walls.min(axis=-1)
+
+
+def distance_to_walls(points):
+    """Return how far points are from the nearest wall [m]."""
+    return np.minimum(np.abs(points - LOW), np.abs(points - HIGH)).min(axis=-1)
+
+
+def world_points(frame):
+    """Return the points of a frame's pixels, computed in double precision from its camera and pose."""
+    camera, pose = frame.camera, frame.camera_to_world
+    k = (camera.fx, camera.fy, camera.cx, camera.cy)
+    points = rays(k, camera.width, camera.height, 0.5) * frame.depth[..., None].astype(np.float64)
+    return points @ Rotation.from_quat(pose[3:]).as_matrix().T + pose[:3]
+
+
+def save_depth(path, depth, units):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    image = np.rint(np.nan_to_num(depth * units)).astype(np.uint16)
+    Image.fromarray(image).save(path)
+    return image
+
+
+def save_color(path, shape, value):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.full((*shape, 3), value, dtype=np.uint8)).save(path)
+
+
+def save_lines(path, lines):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join(f"{line}\n" for line in lines))
+
+
+def text(values):
+    return " ".join(repr(float(value)) for value in values)
+
+
+def save_matrix(path, matrix):
+    save_lines(path, [text(row) for row in matrix])
+
+
+K_VGA = (525.0, 525.0, 319.5, 239.5)
+
+
+def write_tum(folder, k=K_VGA, size=(640, 480), count=3, name="rgbd_dataset_freiburg1_room"):
+    """Write frames every 33 ms, colors 4 ms later, and poses at 100 Hz, which are not synchronous with them."""
+    times = 10 + np.arange(count) / 30
+    width, height = size
+    depths, colors = [f"# file: '{name}.bag'"], ["# timestamp filename"]
+    for index, time in enumerate(times):
+        save_depth(folder / f"depth/{time:.6f}.png", room_depth(rays(k, *size), poses([round(time, 6) - 10])[0]), 5000)
+        depths.append(f"{time:.6f} depth/{time:.6f}.png")
+        save_color(folder / f"rgb/{time + 0.004:.6f}.png", (height, width), 10 * index)
+        colors.append(f"{time + 0.004:.6f} rgb/{time + 0.004:.6f}.png")
+    save_lines(folder / "depth.txt", depths)
+    save_lines(folder / "rgb.txt", colors)
+    stamps = 9.9534 + np.arange(40) / 100
+    save_lines(
+        folder / "groundtruth.txt",
+        [text([time, *row]) for time, row in zip(stamps, rows(poses(stamps - 10)), strict=True)],
+    )
+    return folder
+
+
+def write_frames(folder, k, size, count=3, *, center=0.0, depth="depth/{:d}.png", units=1000):
+    """Write depth images of `poses` at whole seconds; return the poses."""
+    matrices = poses(np.arange(count))
+    for index, pose in enumerate(matrices):
+        save_depth(folder / depth.format(index), room_depth(rays(k, *size, center), pose), units)
+    return matrices

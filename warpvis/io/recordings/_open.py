@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Opening of recordings of all supported formats."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
+from warpvis.core.checks import as_path, check_choice, check_number
+from warpvis.core.types import Json
+from warpvis.errors import ArrayError, FileFormatError
+from warpvis.io.recordings._datasets import (
+    read_icl,
+    read_redwood,
+    read_scannet,
+    read_seven_scenes,
+    read_tum,
+    seven_scenes_folder,
+)
+from warpvis.io.recordings._found import FileReader, Found
+from warpvis.io.recordings._images import join_poses, read_images
+from warpvis.io.recordings._recording import Recording
+
+RecordingFormat = Literal["tum", "icl", "7scenes", "scannet", "redwood", "images"]
+
+
+def open_recording(
+    path: str | os.PathLike[str],
+    *,
+    file_format: RecordingFormat | None = None,
+    camera: ImageCamera | None = None,
+    unit: float | None = None,
+    poses: str | os.PathLike[str] | None = None,
+) -> Recording:
+    """Open a recording of a depth camera. Images are read when they are accessed.
+
+    - ``tum``: TUM RGB-D, ``depth.txt``, ``rgb.txt`` and ``groundtruth.txt``, 5000 units per meter. The camera is
+      ``calibration.txt``, or that which TUM documents for freiburg1, 2 and 3: without a lens, as TUM recommends.
+    - ``icl``: the TUM-compatible folders of ICL-NUIM, with ``associations.txt`` and ``*.gt.freiburg``. Their world is
+      left-handed, with y up; it is mirrored in y.
+    - ``7scenes``: 7-Scenes and 3DMatch, ``frame-000000.{depth,color}.png`` and ``.pose.txt``, in millimeters.
+    - ``scannet``: exported ScanNet, ``depth``, ``color``, ``pose`` and ``intrinsic``, in millimeters.
+    - ``redwood``: Redwood and Open3D, ``depth``, ``color`` or ``image``, and a trajectory ``.log``, in millimeters.
+    - ``images``: a folder of depth images, or with a folder ``depth``, and optionally ``color`` (``rgb``, ``image``):
+      PNG or TIFF of 16 bits in millimeters, float TIFF or ``.npy`` in meters.
+
+    Depth is NaN where a file has 0, NaN or an infinity, or 65535 in 16 bits. Images and poses with times are joined
+    within 0.02 s; poses are interpolated between those before and after an image. ``images`` are joined with poses of
+    COLMAP and nerfstudio by name. Color images have the pixels of the depth images; those of ScanNet are resampled.
+
+    Args:
+        path: Folder of the recording.
+        file_format: The format; by default determined from the files in the folder.
+        camera: The camera of the depth images; by default that of the recording.
+        unit: Length of one unit of the depth images [m], by default that of the format.
+        poses: A file of poses of any format of `read_frames`, or a ``.log`` of Redwood. By default those of the format;
+            for ``images`` a file ``groundtruth.txt``, ``trajectory.txt``, ``poses.txt``, ``transforms.json``, or
+            COLMAP's ``images.txt`` or ``images.bin`` in the folder, if there is one.
+
+    Returns:
+        The recording; frames without a pose have NaN.
+
+    Raises:
+        FileFormatError: If the folder is missing, has no recording of this format, or a file is malformed; the message
+            names the file. Or if the camera is not known.
+        CameraError: If `camera` is not a camera of images.
+    """
+    path = as_path(path)
+    if file_format is not None:
+        check_choice(file_format, "file_format", get_args(RecordingFormat), FileFormatError)
+    if camera is not None:
+        require_image_camera(camera)
+    if unit is not None and not 0 < check_number(unit, "unit", minimum=0.0) < math.inf:
+        raise ArrayError(f"unit must be the length of a unit above 0 m, got {unit!r}")
+    pose_file = None if poses is None else as_path(poses, "poses")
+    if pose_file is not None and pose_file.is_dir() and not (pose_file / "metadata.yaml").is_file():
+        raise FileFormatError(f"{pose_file}: must be a file of poses, got a folder")
+    if not path.exists():
+        raise FileFormatError(f"{path}: no such folder")
+    if not path.is_dir():
+        raise FileFormatError(f"{path}: must be the folder of a recording, got a file")
+    kind = file_format or _detect(path)
+    found = _read(path, kind, pose_file, chosen=file_format is not None)
+    if camera is None and found.camera is None:
+        raise FileFormatError(f"{path}: does not define the camera; pass that of the depth images as camera=")
+    chosen = camera or found.camera
+    assert chosen is not None  # for type checkers: one of the two is given
+    source: dict[str, Json] = {"file": path.absolute().name, "format": kind}
+    source["camera"] = "given" if camera is not None else found.camera_source
+    count = len(found.depths)
+    times = np.arange(count, dtype=np.float64) if found.timestamps is None else found.timestamps
+    reader = FileReader(found, chosen, unit)
+    return Recording(chosen, times, found.camera_to_world, source, reader, np.arange(count))
+
+
+def _detect(path: Path) -> RecordingFormat:
+    """Return the format of a folder by the files in it."""
+    if any(path.glob("*.gt.freiburg")) and (path / "associations.txt").is_file():
+        return "icl"
+    if (path / "depth.txt").is_file():
+        return "tum"
+    if seven_scenes_folder(path) is not None:
+        return "7scenes"
+    if (path / "depth").is_dir() and (path / "pose").is_dir():
+        return "scannet"
+    if (path / "depth").is_dir() and any(path.glob("*.log")):
+        return "redwood"
+    return "images"
+
+
+def _read(path: Path, kind: RecordingFormat, poses: Path | None, *, chosen: bool) -> Found:
+    if kind == "images":
+        return read_images(path, poses)
+    if kind == "7scenes":
+        found = read_seven_scenes(path, chosen=chosen)
+    else:
+        readers = {"tum": read_tum, "icl": read_icl, "scannet": read_scannet, "redwood": read_redwood}
+        found = readers[kind](path)
+    return found if poses is None else join_poses(found, poses)
