@@ -298,6 +298,24 @@ def datasets(root: Path) -> Iterator[Item]:
         yield f"dataset, {kind}", inside, (), _repairer(kind, options, more)
 
 
+def recordings(root: Path) -> Iterator[Item]:
+    """Yield small recordings in folders of every dataset; the reader reads all of their images."""
+    from support.recordings import write_folders
+
+    for kind, folder in write_folders(root / "recordings"):
+        files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        yield f"recording, {kind}", {f"set/{name}": data for name, data in files.items()}, (), _read_recording
+
+
+def _read_recording(folder: Path) -> None:
+    def read(**options: wv.Camera) -> None:
+        recording = wv.open_recording(folder / "set", **options)
+        for frame in recording[:_MAX_FRAMES]:
+            all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
+
+    all_of(read, lambda: read(camera=wv.Camera.from_fov(16, 12, hfov=1.0)))
+
+
 _SCENES: dict[str, wv.Scene] = {}
 
 
@@ -338,4 +356,4 @@ def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Ca
     return read
 
 
-MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, datasets)
+MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, recordings, datasets)

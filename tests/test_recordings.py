@@ -13,7 +13,8 @@ import warpvis as wv
 from warpvis.errors import FileFormatError
 
 from support.recordings import (
-    FLIP,
+    K_SMALL,
+    SMALL,
     distance_to_walls,
     poses,
     rays,
@@ -26,10 +27,14 @@ from support.recordings import (
     text,
     world_points,
     write_frames,
+    write_icl,
+    write_nerfstudio,
+    write_redwood,
+    write_scannet,
+    write_seven_scenes,
     write_tum,
 )
 
-SMALL, K_SMALL = (64, 48), (60.0, 61.0, 31.5, 23.5)
 CAMERA = wv.Camera.from_K([[60.0, 0, 31.5], [0, 61.0, 23.5], [0, 0, 1]], *SMALL, pixel_center=0.0)
 
 
@@ -116,38 +121,23 @@ def test_written_tum_set(tmp_path):
 
 
 def test_icl(tmp_path):
-    size, k = (640, 480), (481.2, 480.0, 319.5, 239.5)
-    matrices = write_frames(tmp_path, k, size, depth="depth/{:d}.png", units=5000)
-    # The published poses have y up: p = R ((u - cx) / fx, (v - cy) / -480, 1) d + t.
-    published = FLIP @ matrices @ FLIP
-    save_lines(
-        tmp_path / "livingRoom0.gt.freiburg", [text([i, *row]) for i, row in list(enumerate(rows(published)))[1:]]
-    )
-    save_lines(tmp_path / "associations.txt", [f"{i} depth/{i}.png {i} rgb/{i}.png" for i in range(3)])
-    save_color(tmp_path / "rgb/1.png", (480, 640), 7)
+    published = write_icl(tmp_path)
     recording = wv.open_recording(tmp_path)
     assert recording.source["format"] == "icl"
     assert np.isnan(recording.camera_to_world[0]).all()
     assert recording.timestamps.tolist() == [0, 1, 2]
     assert_room(recording.posed(), 5000)
+    # The published frames have y up: p = R ((u - cx) / fx, (v - cy) / -480, 1) d + t.
     frame = recording[1]
-    left_handed = rays((481.2, -480.0, 319.5, 239.5), *size) * frame.depth[..., None].astype(np.float64)
+    left_handed = rays((481.2, -480.0, 319.5, 239.5), 640, 480) * frame.depth[..., None].astype(np.float64)
     points = left_handed @ published[1, :3, :3].T + published[1, :3, 3]
     np.testing.assert_allclose(world_points(frame), points * [1, -1, 1], atol=1e-9)
     assert frame.color.max() == 7
 
 
-def seven_scenes(folder, size=(640, 480), k=(585.0, 585.0, 320.0, 240.0)):
-    matrices = write_frames(folder, k, size, center=0.5, depth="frame-{:06d}.depth.png")
-    for index, matrix in enumerate(matrices):
-        matrix[:3, :3] *= 1 + 2e-4  # as rounded as the published ones
-        save_matrix(folder / f"frame-{index:06d}.pose.txt", matrix)
-        save_color(folder / f"frame-{index:06d}.color.png", size[::-1], index)
-
-
 def test_seven_scenes(tmp_path):
     folder = tmp_path / "seq-01"
-    seven_scenes(folder)
+    write_seven_scenes(folder)
     first = np.asarray(Image.open(folder / "frame-000000.depth.png")).copy()
     first[:2], first[2:5] = 65535, 0
     Image.fromarray(first).save(folder / "frame-000000.depth.png")
@@ -164,32 +154,16 @@ def test_seven_scenes(tmp_path):
 
 
 def test_seven_scenes_of_another_camera(tmp_path):
-    seven_scenes(tmp_path / "own", SMALL, (60.0, 61.0, 30.0, 24.0))
+    write_seven_scenes(tmp_path / "own", SMALL, (60.0, 61.0, 30.0, 24.0))
     assert "pass that of the depth images as camera=" in refusal(lambda: wv.open_recording(tmp_path / "own"))
     save_matrix(tmp_path / "camera-intrinsics.txt", [[60, 0, 29.5], [0, 61, 23.5], [0, 0, 1]])
     assert_room(wv.open_recording(tmp_path / "own"))
-    seven_scenes(tmp_path / "more")
+    write_seven_scenes(tmp_path / "more")
     assert "has several sequences; give one of more, own" in refusal(lambda: wv.open_recording(tmp_path))
 
 
-def scannet(folder):
-    """Write depth images and color images of twice the resolution, whose red channel is the column."""
-    matrices = write_frames(folder, K_SMALL, SMALL)
-    for index, matrix in enumerate(matrices):
-        save_matrix(folder / f"pose/{index}.txt", np.full((4, 4), -np.inf) if index == 1 else matrix)
-        columns = np.broadcast_to(np.arange(128, dtype=np.uint8)[None, :, None], (96, 128, 3))
-        (folder / "color").mkdir(exist_ok=True)
-        Image.fromarray(np.ascontiguousarray(columns)).save(folder / f"color/{index}.png")
-    for name, factor in (("depth", 1), ("color", 2)):
-        k = np.eye(4)
-        k[0, 0], k[1, 1] = 60 * factor, 61 * factor
-        k[:2, 2] = np.array([32, 24]) * factor - 0.5
-        save_matrix(folder / f"intrinsic/intrinsic_{name}.txt", k)
-    return folder
-
-
 def test_scannet(tmp_path):
-    recording = wv.open_recording(scannet(tmp_path))
+    recording = wv.open_recording(write_scannet(tmp_path))
     assert recording.source["format"] == "scannet"
     assert recording.camera == CAMERA
     assert np.isnan(recording.camera_to_world).all(axis=1).tolist() == [False, True, False]
@@ -200,18 +174,8 @@ def test_scannet(tmp_path):
     np.testing.assert_array_equal(color[10, :, 0], 2 * np.arange(64) + 1)
 
 
-def redwood(folder):
-    matrices = write_frames(folder, K_SMALL, SMALL, depth="depth/{:05d}.png")
-    lines = []
-    for index in (0, 2):
-        lines += [f"{index} {index} {index + 1}", *(text(row) for row in matrices[index])]
-        save_color(folder / f"color/{index:05d}.jpg", SMALL[::-1], 100)
-    save_lines(folder / "trajectory.log", lines)
-    return folder
-
-
 def test_redwood(tmp_path):
-    redwood(tmp_path)
+    write_redwood(tmp_path)
     assert "does not define the camera" in refusal(lambda: wv.open_recording(tmp_path))
     k = [60.0, 0, 0, 0, 61.0, 0, 31.5, 23.5, 1]  # by columns
     camera = {"width": 64, "height": 48, "intrinsic_matrix": k}
@@ -271,24 +235,11 @@ def test_images_with_colmap(tmp_path):
     assert recording[2].color.mean() == pytest.approx(100, abs=2)
 
 
-def nerfstudio(folder, matrices, **extra):
-    frames = [
-        {
-            "file_path": f"images/{i}.png",
-            "transform_matrix": (matrix @ np.diag([1.0, -1, -1, 1])).tolist(),
-            **{name: value.format(i) for name, value in extra.items()},
-        }
-        for i, matrix in enumerate(matrices)
-    ]
-    intrinsics = {"w": 64, "h": 48, "fl_x": 60.0, "fl_y": 61.0, "cx": 32.0, "cy": 24.0}
-    (folder / "transforms.json").write_text(json.dumps({**intrinsics, "frames": frames[::-1]}))
-
-
 def test_images_with_nerfstudio(tmp_path):
-    nerfstudio(tmp_path, write_frames(tmp_path, K_SMALL, SMALL))
+    write_nerfstudio(tmp_path, write_frames(tmp_path, K_SMALL, SMALL))
     assert_room(wv.open_recording(tmp_path))
     (tmp_path / "depth").rename(tmp_path / "measured")
-    nerfstudio(tmp_path, poses(range(3)), depth_file_path="measured/{:d}.png")
+    write_nerfstudio(tmp_path, poses(range(3)), depth_file_path="measured/{:d}.png")
     for index in range(3):
         save_color(tmp_path / f"images/{index}.png", SMALL[::-1], index)
     recording = wv.open_recording(tmp_path)
@@ -372,6 +323,10 @@ def test_images_of_other_sizes(tmp_path):
     assert "expected a gray PNG of 16 bits" in refusal(lambda: recording[2].depth)
 
 
+def matrix_text(*diagonal):
+    return "\n".join(text(row) for row in np.diag([*diagonal, 1.0]))
+
+
 @pytest.mark.parametrize(
     ("write", "name", "content", "expected"),
     [
@@ -381,24 +336,34 @@ def test_images_of_other_sizes(tmp_path):
         (write_tum, "depth.txt", "1 depth/no.png\n", "{}: none of the 1 depth image exists, the first is"),
         (write_tum, "groundtruth.txt", "1 2 3\n", "{}:1: expected the 8 numbers"),
         (write_tum, "calibration.txt", "1 2 3\n", "{}:1: expected fx fy cx cy"),
-        (scannet, "pose/0.txt", "1 2 3\n", "{}: a pose must be 4 x 4 numbers, got 1 x 3"),
-        (scannet, "pose/0.txt", "1 2\n3\n", "{}: must be a matrix of numbers, got '1 2'"),
-        (scannet, "pose/0.txt", "2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "{}: a pose must be a rotation without scale"),
-        (scannet, "pose/0.txt", "-1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "{}: pose must be rotations, not mirrors"),
-        (scannet, "intrinsic/intrinsic_depth.txt", "1 2\n", "{}: intrinsics must be 3 x 3 or 4 x 4 numbers"),
-        (redwood, "trajectory.log", "0 0 1\n1 0 0 0\n", "{}:1: a pose must be a line of 3 integers and 4 lines"),
-        (redwood, "trajectory.log", "x\n", "{}:1: a pose must be a line of 3 integers and 4 lines"),
+        (write_scannet, "pose/0.txt", "1 2 3\n", "{}: a pose must be 4 x 4 numbers, got 1 x 3"),
+        (write_scannet, "pose/0.txt", "1 2\n3\n", "{}: must be a matrix of numbers, got '1 2'"),
+        (
+            write_scannet,
+            "pose/0.txt",
+            matrix_text(2, 2, 2),
+            "{}: a pose must be a rotation without scale",
+        ),
+        (
+            write_scannet,
+            "pose/0.txt",
+            matrix_text(-1, 1, 1),
+            "{}: pose must be rotations, not mirrors",
+        ),
+        (write_scannet, "intrinsic/intrinsic_depth.txt", "1 2\n", "{}: intrinsics must be 3 x 3 or 4 x 4 numbers"),
+        (write_redwood, "trajectory.log", "0 0 1\n1 0 0 0\n", "{}:1: a pose must be a line of 3 integers and 4 lines"),
+        (write_redwood, "trajectory.log", "x\n", "{}:1: a pose must be a line of 3 integers and 4 lines"),
     ],
 )
 def test_damaged_files(tmp_path, write, name, content, expected):
     write(tmp_path)
     (tmp_path / name).write_text(content)
-    message = refusal(lambda: wv.open_recording(tmp_path, camera=CAMERA if write is redwood else None))
+    message = refusal(lambda: wv.open_recording(tmp_path, camera=CAMERA if write is write_redwood else None))
     assert message.startswith(expected.format(tmp_path / name)), message
 
 
 def test_log_of_other_frames(tmp_path):
-    redwood(tmp_path)
+    write_redwood(tmp_path)
     (tmp_path / "depth/00002.png").unlink()
     message = refusal(lambda: wv.open_recording(tmp_path, camera=CAMERA))
     assert "the frame must be from 0 to 1, as there are depth images, got 2" in message

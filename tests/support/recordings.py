@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of a room, 6 x 4 x 3 m, computed in double precision and written in the formats of datasets."""
 
+import json
+
 import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 3.0])
 FLIP = np.diag([1.0, -1.0, 1.0, 1.0])
+
+SMALL, K_SMALL = (64, 48), (60.0, 61.0, 31.5, 23.5)
 
 
 def poses(times):
@@ -109,3 +113,73 @@ def write_frames(folder, k, size, count=3, *, center=0.0, depth="depth/{:d}.png"
     for index, pose in enumerate(matrices):
         save_depth(folder / depth.format(index), room_depth(rays(k, *size, center), pose), units)
     return matrices
+
+
+def write_seven_scenes(folder, size=(640, 480), k=(585.0, 585.0, 320.0, 240.0)):
+    matrices = write_frames(folder, k, size, center=0.5, depth="frame-{:06d}.depth.png")
+    for index, matrix in enumerate(matrices):
+        matrix[:3, :3] *= 1 + 2e-4  # as rounded as the published ones
+        save_matrix(folder / f"frame-{index:06d}.pose.txt", matrix)
+        save_color(folder / f"frame-{index:06d}.color.png", size[::-1], index)
+    return folder
+
+
+def write_icl(folder):
+    """Write frames with poses whose y is up, as published; return these poses."""
+    published = FLIP @ write_frames(folder, (481.2, 480.0, 319.5, 239.5), (640, 480), units=5000) @ FLIP
+    lines = [text([i, *row]) for i, row in enumerate(rows(published))]
+    save_lines(folder / "livingRoom0.gt.freiburg", lines[1:])
+    save_lines(folder / "associations.txt", [f"{i} depth/{i}.png {i} rgb/{i}.png" for i in range(3)])
+    for index in range(3):
+        save_color(folder / f"rgb/{index}.png", (480, 640), 7 * index)
+    return published
+
+
+def write_scannet(folder):
+    """Write depth images and color images of twice the resolution, whose red channel is the column."""
+    matrices = write_frames(folder, K_SMALL, SMALL)
+    for index, matrix in enumerate(matrices):
+        save_matrix(folder / f"pose/{index}.txt", np.full((4, 4), -np.inf) if index == 1 else matrix)
+        columns = np.broadcast_to(np.arange(128, dtype=np.uint8)[None, :, None], (96, 128, 3))
+        (folder / "color").mkdir(exist_ok=True)
+        Image.fromarray(np.ascontiguousarray(columns)).save(folder / f"color/{index}.png")
+    for name, factor in (("depth", 1), ("color", 2)):
+        k = np.eye(4)
+        k[0, 0], k[1, 1] = 60 * factor, 61 * factor
+        k[:2, 2] = np.array([32, 24]) * factor - 0.5
+        save_matrix(folder / f"intrinsic/intrinsic_{name}.txt", k)
+    return folder
+
+
+def write_redwood(folder):
+    matrices = write_frames(folder, K_SMALL, SMALL, depth="depth/{:05d}.png")
+    lines = []
+    for index in (0, 2):
+        lines += [f"{index} {index} {index + 1}", *(text(row) for row in matrices[index])]
+        save_color(folder / f"color/{index:05d}.jpg", SMALL[::-1], 100)
+    save_lines(folder / "trajectory.log", lines)
+    return folder
+
+
+def write_nerfstudio(folder, matrices, **extra):
+    frames = [
+        {
+            "file_path": f"images/{i}.png",
+            "transform_matrix": (matrix @ np.diag([1.0, -1, -1, 1])).tolist(),
+            **{name: value.format(i) for name, value in extra.items()},
+        }
+        for i, matrix in enumerate(matrices)
+    ]
+    intrinsics = {"w": 64, "h": 48, "fl_x": 60.0, "fl_y": 61.0, "cx": 32.0, "cy": 24.0}
+    (folder / "transforms.json").write_text(json.dumps({**intrinsics, "frames": frames[::-1]}))
+
+
+def write_folders(root):
+    """Yield the name and the folder of a small recording of every format."""
+    size, k = (16, 12), (15.0, 15.0, 7.5, 5.5)
+    yield "tum", write_tum(root / "tum", k, size, 2, "own")
+    yield "7scenes", write_seven_scenes(root / "7scenes", size, k)
+    yield "scannet", write_scannet(root / "scannet")
+    yield "redwood", write_redwood(root / "redwood")
+    write_nerfstudio(root / "images", write_frames(root / "images", k, size), depth_file_path="depth/{:d}.png")
+    yield "images", root / "images"

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -150,10 +150,10 @@ def interpolate(
     return np.concatenate([(1 - part) * first[:, :3] + part * second[:, :3], turns], axis=1)
 
 
-def numbers_of(names: Sequence[str], kind: Callable[[str], float] = float) -> NDArray[np.float64] | None:
-    """Return the names as numbers, or None if one is none."""
+def numbers_of(names: Sequence[str]) -> NDArray[np.float64] | None:
+    """Return the names as numbers, or None if a name is not a number."""
     try:
-        numbers = np.array([kind(name) for name in names], dtype=np.float64)
+        numbers = np.array([float(name) for name in names], dtype=np.float64)
     except ValueError:
         return None
     return numbers if np.isfinite(numbers).all() else None
