@@ -308,12 +308,10 @@ def recordings(root: Path) -> Iterator[Item]:
 
 
 def _read_recording(folder: Path) -> None:
-    def read(**options: wv.Camera) -> None:
-        recording = wv.open_recording(folder / "set", **options)
-        for frame in recording[:_MAX_FRAMES]:
-            all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
-
-    all_of(read, lambda: read(camera=wv.Camera.from_fov(16, 12, hfov=1.0)))
+    recording = wv.open_recording(folder / "set", camera=wv.Camera.from_fov(64, 48, hfov=1.0))
+    for frame in recording[:_MAX_FRAMES]:
+        all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
+    wv.open_recording(folder / "set")
 
 
 _SCENES: dict[str, wv.Scene] = {}

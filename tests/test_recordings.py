@@ -337,7 +337,7 @@ def matrix_text(*diagonal):
         (write_tum, "groundtruth.txt", "1 2 3\n", "{}:1: expected the 8 numbers"),
         (write_tum, "calibration.txt", "1 2 3\n", "{}:1: expected fx fy cx cy"),
         (write_scannet, "pose/0.txt", "1 2 3\n", "{}: a pose must be 4 x 4 numbers, got 1 x 3"),
-        (write_scannet, "pose/0.txt", "1 2\n3\n", "{}: must be a matrix of numbers, got '1 2'"),
+        (write_scannet, "pose/0.txt", "1 2\n3\n", "{}:2: expected a row of a matrix of numbers, got '3'"),
         (
             write_scannet,
             "pose/0.txt",

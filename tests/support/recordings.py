@@ -175,11 +175,20 @@ def write_nerfstudio(folder, matrices, **extra):
 
 
 def write_folders(root):
-    """Yield the name and the folder of a small recording of every format."""
-    size, k = (16, 12), (15.0, 15.0, 7.5, 5.5)
-    yield "tum", write_tum(root / "tum", k, size, 2, "own")
-    yield "7scenes", write_seven_scenes(root / "7scenes", size, k)
+    """Yield the name and the folder of a small recording of every format, with its camera."""
+    size, k = SMALL, K_SMALL
+    folder = write_tum(root / "tum", k, size, 2, "own")
+    save_lines(folder / "calibration.txt", [text(k)])
+    yield "tum", folder
+    folder = write_seven_scenes(root / "7scenes", size, k)
+    save_matrix(folder / "camera-intrinsics.txt", [[k[0], 0, k[2]], [0, k[1], k[3]], [0, 0, 1]])
+    yield "7scenes", folder
     yield "scannet", write_scannet(root / "scannet")
-    yield "redwood", write_redwood(root / "redwood")
+    folder = write_redwood(root / "redwood")
+    camera = {"width": size[0], "height": size[1], "intrinsic_matrix": [k[0], 0, 0, 0, k[1], 0, k[2], k[3], 1]}
+    (folder / "camera.json").write_text(json.dumps(camera))
+    yield "redwood", folder
     write_nerfstudio(root / "images", write_frames(root / "images", k, size), depth_file_path="depth/{:d}.png")
+    for index in range(3):
+        save_color(root / f"images/images/{index}.png", size[::-1], index)
     yield "images", root / "images"

@@ -48,7 +48,8 @@ def read_images(path: Path, poses: Path | None) -> Found:
     folder = next((path / name for name in _DEPTH_FOLDERS if (path / name).is_dir()), path)
     depths = depth_images_in(folder)
     colors = color_images(path, depths)
-    times = numbers_of([depth.stem for depth in depths])
+    numbers = numbers_of([depth.stem for depth in depths])
+    times = np.array(numbers) if numbers is not None and np.isfinite(numbers).all() else None
     if poses is None:
         return Found(depths, unknown_poses(len(depths)), colors, times)
     return join_poses(Found(depths, unknown_poses(len(depths)), colors, times), poses)

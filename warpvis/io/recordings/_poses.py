@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warpvis.core.checks import truncate
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import FileFormatError, PoseError
-from warpvis.io._files import read_lines, read_rows
+from warpvis.io._files import read_rows
 
 TIME_TOLERANCE = 0.02
 """Maximum difference of the times of images and poses that belong together [s], as in TUM's associate.py."""
@@ -29,14 +29,15 @@ def unknown_poses(count: int) -> NDArray[np.float64]:
 
 def read_matrix(path: Path) -> NDArray[np.float64]:
     """Read a matrix of numbers in a text file, separated by spaces or commas."""
-    rows = [line.replace(",", " ").split() for line in read_lines(path, "numbers of a matrix") if line.strip()]
-    try:
-        matrix = np.array([[float(word) for word in row] for row in rows])
-    except ValueError:
-        raise FileFormatError(f"{path}: must be a matrix of numbers, got {truncate(' '.join(rows[0]), 60)!r}") from None
-    if matrix.ndim != 2:
-        raise FileFormatError(f"{path}: must be a matrix of numbers, got {len(rows)} lines")
-    return matrix
+    rows: list[list[float]] = []
+    for place, line in read_rows(path, "numbers of a matrix"):
+        numbers = numbers_of(line.replace(",", " ").split())
+        if numbers is None or (rows and len(numbers) != len(rows[0])):
+            raise FileFormatError(f"{place}: expected a row of a matrix of numbers, got {truncate(line.strip(), 60)!r}")
+        rows.append(numbers)
+    if not rows:
+        raise FileFormatError(f"{path}: must be a matrix of numbers, and is empty")
+    return np.array(rows)
 
 
 def read_pose_files(files: Sequence[Path | None]) -> NDArray[np.float64]:
@@ -150,10 +151,9 @@ def interpolate(
     return np.concatenate([(1 - part) * first[:, :3] + part * second[:, :3], turns], axis=1)
 
 
-def numbers_of(names: Sequence[str]) -> NDArray[np.float64] | None:
-    """Return the names as numbers, or None if a name is not a number."""
+def numbers_of(words: Sequence[str]) -> list[float] | None:
+    """Return the words as numbers, or None if a word is not a number."""
     try:
-        numbers = np.array([float(name) for name in names], dtype=np.float64)
+        return [float(word) for word in words]
     except ValueError:
         return None
-    return numbers if np.isfinite(numbers).all() else None
