@@ -136,11 +136,15 @@ class Emulator:
         """Return how often all launches so far ran each line of the CUDA headers: by file, line number and text."""
         counts: dict[tuple[str, int, str], int] = {}
         for variant in self._programs:
-            file = ""
+            file, of_instance = "", False
             for line in _run([*_gcov(self._compiler), "-t", f"{variant.name}.gcda"], self._folder).splitlines():
                 count, number, text = (part.strip() for part in (line + "::").split(":", 2))
                 text = text.removesuffix("::")
-                if number == "0" and text.startswith("Source:"):
+                if not number.isdigit():  # a rule, or the name of an instance of a template, whose lines come once more
+                    of_instance = not line.startswith("---")
+                elif of_instance:
+                    continue
+                elif number == "0" and text.startswith("Source:"):
                     file = text.removeprefix("Source:")
                 elif count != "-" and Path(file).is_relative_to(HEADERS):
                     key = (Path(file).name, int(number), text)
