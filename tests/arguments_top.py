@@ -28,6 +28,9 @@ import warpvis as wv
 RAW_INFO = types.SimpleNamespace(
     width=8, height=6, k=[9, 0, 4, 0, 9, 3, 0, 0, 1], d=[0.01, 0, 0, 0, 0], distortion_model="plumb_bob"
 )
+POSE_ABOVE = wv.look_at((0, 0, 1), (1, 0, 0.5))
+FLOOR_POINTS = np.stack([*np.meshgrid(np.arange(0.5, 2.5, 0.02), np.arange(-1, 1, 0.02)), np.zeros((100, 100))], -1)
+FLOOR = wv.fit_floor(FLOOR_POINTS, camera_to_world=POSE_ABOVE, up=(0, 0, 1))
 
 
 def top_cases(folder):
@@ -215,6 +218,22 @@ def top_cases(folder):
                 "threads": 1,
                 "out": None,
                 "spheres_out": None,
+            },
+        ),
+        "FloorFit.heights": (FLOOR.heights, {"points": [[0.0, 0.0, 1.0]]}),
+        "fit_floor": (
+            wv.fit_floor,
+            {
+                "measured": FLOOR_POINTS,
+                "camera_to_world": POSE_ABOVE,
+                "up": (0, 0, 1),
+                "up_tolerance": 0.3,
+                "camera_height": 1.0,
+                "height_tolerance": 0.2,
+                "noise": 0.003,
+                "convention": "opencv",
+                "quaternion": "xyzw",
+                "seed": 0,
             },
         ),
         "floor_map": (

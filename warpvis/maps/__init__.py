@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
+from warpvis.maps._floor_fit import FloorFit, fit_floor as fit_floor
 from warpvis.maps._floor_map import (
     MAP_LEGEND,
     FloorMap as FloorMap,
@@ -20,6 +21,7 @@ from warpvis.maps._voxel_views import voxel_map as voxel_map, voxel_map_from_sce
 
 __all__ = [
     "MAP_LEGEND",
+    "FloorFit",
     "PlanVisibility",
     "Sphere",
     "Voxel",
