@@ -62,6 +62,7 @@ RESULTS = {
     "Device",
     "Lidar",
     "Experiment",
+    "FloorFit",
     "FloorMap",
     "FrameDataset",
     "MujocoScene",

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import as_pinhole
+from warpvis.cameras.image_cameras import ImageCamera, as_pinhole
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
-from warpvis.visibility._agents import Agent
 from warpvis.visibility._reference_model import Floats, angles_to_quads, quad_solid_angles
 
 # Faces of a box: indices of corners, whose bits are the upper bounds in x, y and z.
@@ -73,8 +72,10 @@ class ObjectBoxes:
 class VisibleParts:
     """Pixels in which an agent sees each of K objects, in its F images in V situations, or in one for all of them."""
 
-    agent: Agent
-    """The agent."""
+    poses: Floats
+    """Poses of the agent, rows ``x y z qx qy qz qw``, ``(V or 1, 7)``."""
+    faces: tuple[tuple[ImageCamera, Floats], ...]
+    """Camera and poses of each image, as `poses`."""
     boxes: NDArray[np.int32]
     """Bounding boxes of visible pixels: x, y, width and height [px], -1 for none, ``(F, V or 1, K, 4)``."""
     pixels: NDArray[np.int32]
@@ -82,7 +83,7 @@ class VisibleParts:
 
     def axis(self, view: int) -> tuple[Floats, Floats]:
         """Return the agent's eyes [m] and the direction of its axis in a situation, ``(3,)`` each."""
-        pose = poses_to_matrices(_row(self.agent.poses, view)[None])[0]
+        pose = poses_to_matrices(_row(self.poses, view)[None])[0]
         return pose[:3, 3], pose[:3, 2]
 
     def measure(self, k: NDArray[np.intp], view: int, direction: Floats) -> tuple[Floats, Floats] | None:
@@ -98,8 +99,8 @@ class VisibleParts:
             0 inside; solid angles of the visible parts [sr]: ``(N,)``. None if the agent's camera is no pinhole.
         """
         angles, solid_angles = np.full(len(k), np.pi), np.zeros(len(k))
-        for face, boxes, pixels in zip(self.agent.faces, self.boxes, self.pixels, strict=True):
-            camera = as_pinhole(face.camera)
+        for (face, poses), boxes, pixels in zip(self.faces, self.boxes, self.pixels, strict=True):
+            camera = as_pinhole(face)
             if camera is None:
                 return None
             x, y, width, height = _row(boxes, view)[k].T.astype(np.float64)
@@ -109,7 +110,7 @@ class VisibleParts:
             # Image coordinates of pixel borders are whole numbers.
             rays = np.ones((len(k), 4, 3))
             rays[..., :2] = (corners - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-            quads = rays @ poses_to_matrices(_row(self.agent.face_poses(face), view)[None])[0, :3, :3].T
+            quads = rays @ poses_to_matrices(_row(poses, view)[None])[0, :3, :3].T
             angles = np.minimum(angles, angles_to_quads(direction, quads))
             solid_angles += quad_solid_angles(quads) * counts / np.maximum(width * height, 1)
         return angles, solid_angles

@@ -357,7 +357,9 @@ class _Measurement:
         hidden = np.stack([_hidden_pixels(one) for one in counts])
         occluders = np.stack([seen.occluder.numpy() for seen in faces])
         main_face = hidden.argmax(axis=0)[None]
-        parts = VisibleParts(agent, np.stack([seen.visible_box.numpy() for seen in faces]), counts[:, 0].copy())
+        images = tuple((face.camera, agent.face_poses(face)) for face in agent.faces)
+        boxes = np.stack([seen.visible_box.numpy() for seen in faces])
+        parts = VisibleParts(agent.poses, images, boxes, counts[:, 0].copy())
         return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, main_face, axis=0)[0], parts
 
     def count_attended(self, agent: Agent) -> NDArray[np.int32]:
