@@ -204,7 +204,7 @@ class Motion:
         assert self._times is not None
         first = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(rows) - 2)
         fraction = np.clip((times - self._times[first]) / (self._times[first + 1] - self._times[first]), 0.0, 1.0)
-        return _interpolate(rows[first], rows[first + 1], fraction[:, None])
+        return interpolate(rows[first], rows[first + 1], fraction[:, None])
 
 
 def check_times(motion: Motion, times: NDArray, starts: NDArray[np.float64] | None = None) -> None:
@@ -304,8 +304,11 @@ def _velocities(value: ArrayLike, name: str, shape: tuple[int, ...]) -> NDArray[
     return freeze(np.broadcast_to(values, (*shape, 3)).copy())
 
 
-def _interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Interpolate between rows; the host version of `warpvis.kernels.casting.motions.between`."""
+def interpolate(a: NDArray[np.float64], b: NDArray[np.float64], fraction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Interpolate between pose rows; `fraction`, shape ``(N, 1)``, is 0 at `a` and 1 at `b`.
+
+    The host version of `warpvis.kernels.casting.motions.between`.
+    """
     p, q = a[:, 3:], b[:, 3:]
     q = np.where((p * q).sum(axis=1, keepdims=True) < 0, -q, q)
     angle = 2 * np.arctan2(*(np.linalg.norm(side, axis=1, keepdims=True) for side in (q - p, q + p)))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import truncate
+from warpvis.core.motion import interpolate
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import FileFormatError, PoseError
 from warpvis.io._files import read_rows
@@ -41,7 +42,7 @@ def read_matrix(path: Path) -> NDArray[np.float64]:
 
 
 def read_pose_files(files: Sequence[Path | None]) -> NDArray[np.float64]:
-    """Read camera-to-world matrices, one per file; NaN if there is none, or if it is infinite, as in ScanNet."""
+    """Read camera-to-world matrices, one per file; NaN without a file, or if it is infinite, as in ScanNet."""
     poses = unknown_poses(len(files))
     for index, file in enumerate(files):
         if file is not None and file.is_file():
@@ -117,7 +118,7 @@ def poses_at(
     """Return the pose at each time, shape ``(N, 7)``.
 
     It is interpolated between the poses before and after, positions linearly and rotations along the shortest arc, if
-    both are within `TIME_TOLERANCE`; else it is the nearest pose within it, and NaN if there is none.
+    both are within `TIME_TOLERANCE`; else it is the nearest pose within it, or NaN without one.
     """
     found = nearest(times, pose_times)
     poses = np.where(found[:, None] >= 0, rows[found], np.nan)
@@ -133,22 +134,6 @@ def poses_at(
     part = np.divide(times - start, end - start, out=np.zeros_like(times), where=between)[:, None]
     mixed = interpolate(rows[order[after - 1]], rows[order[after]], part)
     return np.where(between[:, None], mixed, poses)
-
-
-def interpolate(
-    first: NDArray[np.float64], second: NDArray[np.float64], part: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return poses between two rows each; `part`, shape ``(N, 1)``, is 0 at the first and 1 at the second."""
-    a, b = first[:, 3:], second[:, 3:]
-    cosine = np.sum(a * b, axis=1, keepdims=True)
-    b = np.where(cosine < 0, -b, b)  # q and -q are the same rotation
-    angle = np.arccos(np.abs(cosine).clip(0, 1))
-    close = angle < 1e-6
-    sine = np.where(close, 1, np.sin(angle))
-    weights = [np.where(close, linear, np.sin(linear * angle) / sine) for linear in (1 - part, part)]
-    turns = weights[0] * a + weights[1] * b
-    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    return np.concatenate([(1 - part) * first[:, :3] + part * second[:, :3], turns], axis=1)
 
 
 def numbers_of(words: Sequence[str]) -> list[float] | None:
