@@ -77,7 +77,7 @@ class Plane:
     area: float
     """Area of these cells [m^2]."""
     below: float
-    """Area of cells below the plane, which are seen beside it, as a fraction of this area and `area`."""
+    """Area of cells below the plane that are visible past its border, as a fraction of this area plus `area`."""
 
 
 def group_points(points: Array, noise: float | None) -> Cells:
@@ -257,9 +257,9 @@ def _area_below(cells: Cells, normal: Array, height: float, members: NDArray[np.
     keys = _direction_keys(unit)
     size = (2 * _DIRECTIONS + 1) ** 3
     share = np.bincount(keys[on_plane], minlength=size) / np.maximum(np.bincount(keys, minlength=size), 1)
-    beside = share[_direction_keys(cells.centers[below] / cells.ranges[below, None])] < 0.5
-    beside &= cells.planar[below]
-    hidden = float(cells.areas[below][beside].sum() / np.abs(normal).sum())
+    past_border = share[_direction_keys(cells.centers[below] / cells.ranges[below, None])] < 0.5
+    past_border &= cells.planar[below]
+    hidden = float(cells.areas[below][past_border].sum() / np.abs(normal).sum())
     return hidden / (hidden + area)
 
 

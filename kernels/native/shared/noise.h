@@ -82,7 +82,7 @@ struct SensorRow {
         return collect([&](int k) { return column + k >= 0 && column + k < width ? depths[column + k] : outside; });
     }
     inline void normal(int x, Real* xyz) const { Numbers::load_triples(normals + 3 * place(x), xyz, width - x); }
-    // Reflectivity of the surfaces; 1 where there is none.
+    // Reflectivity of the surfaces; 1 without a surface.
     inline Real reflectivities(int x) const {
         if (!segmentation) return Numbers::real(1.0f);
         return collect([&](int k) {

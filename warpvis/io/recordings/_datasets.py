@@ -139,7 +139,7 @@ def read_seven_scenes(path: Path, *, chosen: bool) -> Found:
 
 
 def seven_scenes_folder(path: Path) -> Path | None:
-    """Return the folder of the frames, this one or the only one in it; None if there is none."""
+    """Return the folder of the frames, this one or the only one in it; None without frames."""
     if any(path.glob("*.depth.png")):
         return path
     found = sorted({file.parent for file in path.glob("*/*.depth.png")})
