@@ -41,8 +41,14 @@ def top_cases(folder):
     voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
     return {
         # Top-level package.
-        "Agent": (wv.Agent, {"name": "a", "camera": CAMERA, "pose": POSE, "body": (), "attention": None}),
-        "Agent.kinect": (wv.Agent.kinect, {"name": "a", "pose": POSE, "body": "box", "convention": "opencv"}),
+        "Agent": (
+            wv.Agent,
+            {"name": "a", "camera": CAMERA, "pose": POSE, "body": "box", "attention": None, "head": ()},
+        ),
+        "Agent.kinect": (
+            wv.Agent.kinect,
+            {"name": "a", "pose": POSE, "body": "box", "head": "box", "convention": "opencv"},
+        ),
         "Agent.human": (wv.Agent.human, {"name": "a", "pose": POSE, "near": 0.1, "far": 9.0, "resolution": 10.0}),
         "Camera": (wv.Camera, dict(zip(("width", "height", "fx", "fy", "cx", "cy"), (8, 6, 9, 9, 4, 3), strict=True))),
         "Camera.range": (lambda near, far: wv.Camera(8, 6, 9, 9, 4, 3, near, far), {"near": 0.1, "far": 4.0}),

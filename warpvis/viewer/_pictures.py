@@ -99,7 +99,7 @@ class AgentPicture:
     def render(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
         """Render an agent's view from its current pose; large images are subsampled."""
         poses = object_poses if len(object_poses) else None
-        exclude = agent.body or None
+        exclude = agent.excluded or None
         if self._renderer is not None:
             views = self._renderer.render(agent.poses, object_poses=poses, exclude=exclude)
             step = math.ceil(views.depth.shape[2] / _WIDTH)
@@ -199,7 +199,7 @@ class SurfaceCloud:
     def seen_by(
         self, agent: Agent, object_poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
-        """Return which points an agent sees, ``(N,)``; it does not see its own body."""
+        """Return which points an agent sees, ``(N,)``; excluded objects are not seen."""
         seen = np.zeros(len(points), dtype=bool)
         for face in agent.faces:
             found = point_visibility(
@@ -208,10 +208,10 @@ class SurfaceCloud:
                 agent.face_poses(face),
                 points,
                 object_poses=object_poses if len(object_poses) else None,
-                exclude=agent.body or None,
+                exclude=agent.excluded or None,
             )
             seen |= found.numpy()[0] == Visibility.VISIBLE  # type: ignore[union-attr]  # occluders are not requested
-        return seen & ~np.isin(self.objects, [self.stage.scene.index(name) for name in agent.body])
+        return seen & ~np.isin(self.objects, [self.stage.scene.index(name) for name in agent.excluded])
 
     def states(
         self, agents: Sequence[Agent], object_poses: NDArray[np.float64], points: NDArray[np.float32]
@@ -275,7 +275,7 @@ class SightLines:
         ups = [np.eye(3)[np.abs(target - eye).argmin()] for target in targets]  # any that is not along the ray
         poses = np.array([look_at(eye, target, up=up) for target, up in zip(targets, ups, strict=True)])
         views = self._renderer.render(
-            poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.body or None
+            poses, object_poses=object_poses if len(object_poses) else None, exclude=agent.excluded or None
         )
         depths, objects = views.depth.numpy()[:, 0, 0], views.segmentation.numpy()[:, 0, 0]
         lines = []

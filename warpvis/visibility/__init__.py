@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView, equirectangular as equirectangular
 from warpvis.visibility._candidates import Candidate, State
+from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
     BOP_DELTA,
     ObjectVisibility as ObjectVisibility,
@@ -13,7 +14,7 @@ from warpvis.visibility._objects import (
     object_visibility as object_visibility,
     see_objects as see_objects,
 )
-from warpvis.visibility._perspective import Perspective as Perspective, perspective as perspective
+from warpvis.visibility._perspective import Perspective as Perspective
 from warpvis.visibility._points import (
     point_visibility as point_visibility,
     point_visibility_from_depth as point_visibility_from_depth,

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -139,8 +140,8 @@ class Agent:
     pose: PoseLike = field(repr=False)
     """Camera to world: one pose, or one for each of V situations, shape ``(V, 7)`` or ``(V, 4, 4)``."""
     body: tuple[str, ...] = ()
-    """Names of the objects that are the agent's own body: it does not see them, and they occlude nothing for it. Other
-    agents see them like any object."""
+    """Names of the objects that are the agent's own body: it does not see them, and they occlude nothing for it, except
+    with a `head`. Other agents see them like any object."""
     attention: ImageCamera | None = None
     """A narrower field of view along the same axis: visible objects that also appear in it are attended to. If None,
     all visible objects are."""
@@ -148,6 +149,9 @@ class Agent:
     """Axes of the camera frame of `pose`. The agent looks along the camera's axis, +z of the OpenCV frame."""
     quaternion: QuaternionOrder = "xyzw"
     """Order of the quaternions in `pose`, ``"xyzw"`` or ``"wxyz"``."""
+    head: tuple[str, ...] | None = None
+    """Names of the objects of `body` around or at the eyes. If given, only they are invisible to the agent; it sees the
+    rest of its body, for example its arms, which hides things from it. By default, the whole body is invisible."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
@@ -160,6 +164,11 @@ class Agent:
         if not all(isinstance(name, str) for name in body):
             raise SceneError(f"body of {self.name!r} must be names of objects, got {body!r}")
         object.__setattr__(self, "body", body)
+        if self.head is not None:
+            object.__setattr__(self, "head", _as_tuple(self.head))
+        wrong = [name for name in self.excluded if not isinstance(name, str) or name not in body]
+        if wrong:
+            raise SceneError(f"head of {self.name!r} must be names of objects of its body, {body!r}, got {wrong[0]!r}")
         _ = self.poses  # raises if the pose is invalid
 
     @classmethod
@@ -169,11 +178,13 @@ class Agent:
         pose: PoseLike,
         *,
         body: Sequence[str] | str = (),
+        head: Sequence[str] | str | None = None,
         convention: Convention = "opencv",
         quaternion: QuaternionOrder = "xyzw",
     ) -> Agent:
         """Create a robot with the paper's camera, `Camera.kinect`: 57 degrees wide, 0.3 to 4.5 m."""
-        return cls(name, Camera.kinect(), pose, body=_as_tuple(body), convention=convention, quaternion=quaternion)
+        options: dict[str, Any] = {"convention": convention, "quaternion": quaternion, "head": head}
+        return cls(name, Camera.kinect(), pose, body=_as_tuple(body), **options)
 
     @classmethod
     def human(
@@ -182,6 +193,7 @@ class Agent:
         pose: PoseLike,
         *,
         body: Sequence[str] | str = (),
+        head: Sequence[str] | str | None = None,
         near: float = 0.0,
         far: float = math.inf,
         resolution: float = _HUMAN_RESOLUTION,
@@ -202,6 +214,7 @@ class Agent:
             name: Name in reports.
             pose: Pose of the eyes, camera to world, one or ``(V, 7)`` or ``(V, 4, 4)``; see `warpvis.look_at`.
             body: Names of the objects that are the person's body.
+            head: Names of the objects of `body` around the eyes; see `Agent.head`.
             near: Minimum depth [m].
             far: Maximum depth [m].
             resolution: Pixels per radian, far fewer than those of an eye: defines which objects are too small to see.
@@ -212,9 +225,8 @@ class Agent:
         view = FieldOfView(_HUMAN_HFOV, _HUMAN_UP, _HUMAN_DOWN, near=near, far=far, resolution=resolution)
         size = max(1, round(2 * resolution * math.tan(_HUMAN_ATTENTION / 2)))
         attention = Camera.from_fov(size, size, hfov=_HUMAN_ATTENTION, near=near, far=far)
-        return cls(
-            name, view, pose, body=_as_tuple(body), attention=attention, convention=convention, quaternion=quaternion
-        )
+        options: dict[str, Any] = {"convention": convention, "quaternion": quaternion, "head": head}
+        return cls(name, view, pose, body=_as_tuple(body), attention=attention, **options)
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
@@ -222,6 +234,11 @@ class Agent:
         pose = to_xyzw(self.pose, self.quaternion, f"pose of {self.name!r}")
         rows = parse_poses(pose, convention=self.convention, name=f"pose of {self.name!r}").numpy()
         return rows.astype(np.float64).reshape(-1, 7)
+
+    @property
+    def excluded(self) -> tuple[str, ...]:
+        """Names of the objects that are invisible to the agent: its head, or its whole body."""
+        return self.body if self.head is None else self.head
 
     @property
     def pinhole(self) -> Camera | None:

@@ -81,6 +81,14 @@ class VisibleParts:
     pixels: NDArray[np.int32]
     """Visible pixels, ``(F, V or 1, K)``."""
 
+    def select(self, views: slice) -> VisibleParts:
+        """Return a slice of the situations."""
+        poses = self.poses[views] if len(self.poses) > 1 else self.poses
+        faces = tuple((camera, rows[views] if len(rows) > 1 else rows) for camera, rows in self.faces)
+        shared = self.pixels.shape[1] == 1
+        boxes, pixels = (rows if shared else rows[:, views] for rows in (self.boxes, self.pixels))
+        return VisibleParts(poses, faces, boxes, pixels)
+
     def axis(self, view: int) -> tuple[Floats, Floats]:
         """Return the agent's eyes [m] and the direction of its axis in a situation, ``(3,)`` each."""
         pose = poses_to_matrices(_row(self.poses, view)[None])[0]

@@ -277,7 +277,7 @@ def agent_view(scene: Scene, agent: Agent, view: int = 0, *, object_poses: Objec
 
     The axes of the image of a `FieldOfView` are azimuth and elevation (equirectangular). It covers the field's images.
     """
-    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.excluded or None}
     if isinstance(agent.camera, FieldOfView):
         return _panorama(scene, agent, view, options)
     camera = agent.camera
@@ -296,7 +296,7 @@ def pose_of(agent: Agent, view: int) -> NDArray[np.float64]:
 
 def views_of_faces(scene: Scene, agent: Agent, view: int = 0, *, object_poses: ObjectPoses = None) -> list[Views]:
     """Render points, labels and objects of all faces of an agent in one situation."""
-    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.body or None}
+    options: dict[str, Any] = {"object_poses": object_poses, "exclude": agent.excluded or None}
     found = []
     faces = agent.faces
     for k, face in enumerate(faces):
