@@ -78,7 +78,7 @@ def judge_voxels(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return states and labels of a grid with no previous data."""
     centers = np.asarray(origin) + cell * (np.stack(np.indices(marks.shape), axis=-1).reshape(-1, 3) + 0.5)
-    states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.OUTSIDE)
+    states = np.where(marks.ravel() > 0, Voxel.SURFACE, Voxel.UNKNOWN)
     order = np.maximum(marks.ravel() - 1, 0)
     for view, matrix in enumerate(poses_to_matrices(np.asarray(poses, dtype=np.float32))):
         seen = (centers - matrix[:3, 3]) @ matrix[:3, :3]
@@ -98,7 +98,7 @@ def judge_voxels(
         on_surface[on_surface] = np.abs(met - sight[on_surface]).max(axis=1) <= cell / 2
         in_range = (z.astype(np.float32) >= np.float32(camera.near)) & (z.astype(np.float32) <= np.float32(camera.far))
         says = np.where(z < shown, Voxel.FREE, Voxel.HIDDEN)
-        says = np.where(in_range & ~np.isnan(shown), says, Voxel.OUTSIDE)
+        says = np.where(in_range & ~np.isnan(shown), says, Voxel.UNKNOWN)
         says = np.where(on_surface, Voxel.SURFACE, says)
         states[in_image] = np.maximum(states[in_image], says)
         order[in_image] = np.maximum(order[in_image], np.where(on_surface, precedence(label, ground), 0))

@@ -57,7 +57,7 @@ def test_occlusion_by_meaning(meaning, depth, device):
         "measured": [seen if depth > 1.25 else hidden, seen if depth > 3.25 else hidden],
         "too near": [hidden, hidden],
         "too far": [seen, seen],
-        "not measured": [(Visibility.UNKNOWN, Voxel.OUTSIDE)] * 2,
+        "not measured": [(Visibility.UNKNOWN, Voxel.UNKNOWN)] * 2,
     }[meaning]
     assert list(zip(status.tolist(), states.tolist(), strict=True)) == expected
     assert (space.states.numpy() == Voxel.SURFACE).any() == (meaning == "measured")
@@ -82,4 +82,4 @@ def test_rendered_images_have_the_same_meaning(device):
     assert np.isnan(views.points.numpy()).all() and not views.labels.numpy().any()
     assert not wv.maps.classify_rendered(views.depth, views.segmentation, scene).numpy().any()
     space = wv.voxel_map_from_scene(scene, CAMERA, POSE, bounds=[[0, -0.25, 0.75], [4.5, 0.25, 1.25]], cell_size=0.5)
-    assert space.states.numpy()[:, 0, 0].tolist() == [Voxel.OUTSIDE, *[Voxel.HIDDEN] * 7, Voxel.OUTSIDE]
+    assert space.states.numpy()[:, 0, 0].tolist() == [Voxel.UNKNOWN, *[Voxel.HIDDEN] * 7, Voxel.UNKNOWN]

@@ -41,7 +41,7 @@ def test_voxel_maps_match_reference(name, device):
     views = wv.render(scene, camera, POSES, outputs=("depth", "labels"))
     result = voxel_map(views.depth, camera, POSES, bounds=BOUNDS, labels=views.labels)
     states, labels = assert_matches_twin(result, views.depth.numpy(), views.labels.numpy(), POSES, camera)
-    seen_by_all = {Voxel.OUTSIDE} if name == "more than a hemisphere" else set()
+    seen_by_all = {Voxel.UNKNOWN} if name == "more than a hemisphere" else set()
     assert set(np.unique(states)) == set(Voxel) - seen_by_all
     assert set(np.unique(labels)) == {Label.EMPTY, Label.GROUND, Label.OBSTACLE, Label.OBJECT}
     assert same(voxel_map_from_scene(scene, camera, POSES, bounds=BOUNDS), result)
@@ -66,7 +66,7 @@ def test_voxel_states_match_geometry(name, device):
     assert at(result, (BOX_BACK + 0.1, 0.0, 0.1)) == (Voxel.HIDDEN, Label.EMPTY)  # behind
     assert at(result, (BOX_BACK + 0.1, 0.0, 0.7)) == (Voxel.FREE, Label.EMPTY)  # above it
     assert at(result, (-0.3 - 0.14, 0.4, 0.15)) == (Voxel.SURFACE, Label.OBJECT)
-    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than `near`, or behind
+    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.UNKNOWN, Label.EMPTY)  # nearer than `near`, or behind
 
 
 def test_undistorted_lens_matches_pinhole(device):

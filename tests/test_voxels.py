@@ -44,14 +44,14 @@ def test_states_match_geometry(device):
     assert at(result, (-0.5, 0.0, 0.0)) == (Voxel.SURFACE, Label.GROUND)
     assert at(result, (0.0, 0.0, -0.1)) == (Voxel.HIDDEN, Label.EMPTY)
     assert at(result, (-0.3 - 0.14, 0.4, 0.15)) == (Voxel.SURFACE, Label.OBJECT)
-    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.OUTSIDE, Label.EMPTY)  # behind the camera
-    assert at(result, (-1.3, 0.1, 0.77)) == (Voxel.OUTSIDE, Label.EMPTY)  # nearer than near
+    assert at(result, (-1.5, 0.0, 0.8)) == (Voxel.UNKNOWN, Label.EMPTY)  # behind the camera
+    assert at(result, (-1.3, 0.1, 0.77)) == (Voxel.UNKNOWN, Label.EMPTY)  # nearer than near
 
     # Elsewhere a voxel has the state of its center in the depth image.
     depth = render(scene, POSES[:1]).depth
     status = wv.point_visibility_from_depth(depth, CAMERA, POSES[:1], result.centers().reshape(-1, 3), tolerance=0.0)
     means = {Visibility.VISIBLE: Voxel.FREE, Visibility.OCCLUDED: Voxel.HIDDEN}
-    expected = np.array([means.get(value, Voxel.OUTSIDE) for value in Visibility])[status.numpy()[0]]
+    expected = np.array([means.get(value, Voxel.UNKNOWN) for value in Visibility])[status.numpy()[0]]
     states = result.states.numpy().ravel()
     others = states != Voxel.SURFACE
     assert (states[others] != expected[others]).mean() < 1e-4
@@ -192,9 +192,9 @@ def test_measured_images_with_holes(device):
 @pytest.mark.parametrize(
     ("value", "state", "reach"),
     [
-        (np.nan, Voxel.OUTSIDE, None),
-        (0.0, Voxel.OUTSIDE, None),
-        (-1.0, Voxel.OUTSIDE, None),
+        (np.nan, Voxel.UNKNOWN, None),
+        (0.0, Voxel.UNKNOWN, None),
+        (-1.0, Voxel.UNKNOWN, None),
         (np.inf, Voxel.FREE, (1.0, 2.0)),
         (2.5, Voxel.FREE, (1.0, 2.0)),  # beyond the camera's range
         (-np.inf, Voxel.HIDDEN, (1.0, 2.0)),
@@ -209,7 +209,7 @@ def test_image_of_one_value_gives_one_state(value, state, reach, device):
     pose = wv.look_at((0, 0, 0), (1, 0, 0))
     result = voxel_map(depth, camera, pose, bounds=bounds, cell_size=0.1, device=device)
     x = result.centers()[..., 0]
-    expected = np.full(x.shape, Voxel.OUTSIDE)
+    expected = np.full(x.shape, Voxel.UNKNOWN)
     if reach:
         expected[(x > reach[0]) & (x < reach[1])] = state
     np.testing.assert_array_equal(result.states.numpy(), expected)
@@ -248,7 +248,7 @@ def test_views_in_parts_of_moving_worlds(device, monkeypatch):
     exclude = arguments["exclude"]
     assert same(voxel_map_from_scene(scene, CAMERA, POSES, bounds=BOUNDS, object_poses=each, exclude=exclude), expected)
     nothing = voxel_map_from_scene(scene, CAMERA, np.zeros((0, 7)), bounds=BOUNDS)
-    assert nothing.counts() == {Voxel.OUTSIDE: 57 * 48 * 25, Voxel.HIDDEN: 0, Voxel.FREE: 0, Voxel.SURFACE: 0}
+    assert nothing.counts() == {Voxel.UNKNOWN: 57 * 48 * 25, Voxel.HIDDEN: 0, Voxel.FREE: 0, Voxel.SURFACE: 0}
 
 
 def test_default_bounds_are_those_of_the_scene(device):
@@ -370,7 +370,7 @@ def test_invalid_calls_raise(tmp_path):
             scene, CAMERA, POSES, object_poses=POSES
         ),
         "the other map must be a warpvis.VoxelMap, got NoneType": lambda: result.merge(None),
-        "state of a voxel must be one of OUTSIDE (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
+        "state of a voxel must be one of UNKNOWN (0), HIDDEN (1), FREE (2), SURFACE (3), got 'empty'": (
             lambda: result.volume("empty")
         ),
         "robots must be finite rows of center and radius": lambda: result.floor_map(robots=[(0, 0)]),

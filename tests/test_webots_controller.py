@@ -161,7 +161,7 @@ def test_image_of_zeros_is_unknown(worlds):
     assert np.isnan(eye.depth()).all()
     assert not eye.classify([0, 0, 0, 0, 0, 0, 1]).numpy().any()
     space = wv.voxel_map(eye.depth(), eye.camera, eye.pose([0, 0, 0, 0, 0, 0, 1]), bounds=[[-1, -1, -1], [1, 1, 1]])
-    assert not space.states.numpy().any()  # OUTSIDE: nothing is known to be free
+    assert not space.states.numpy().any()  # UNKNOWN: nothing is known to be free
 
 
 LIBRARIES = {"R2021b": swig_library, "R2023b": ctypes_library}

@@ -10,7 +10,7 @@ from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, sh
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-OUTSIDE = wp.constant(wp.uint8(0))
+UNKNOWN = wp.constant(wp.uint8(0))
 HIDDEN = wp.constant(wp.uint8(1))
 FREE = wp.constant(wp.uint8(2))
 SURFACE = wp.constant(wp.uint8(3))

@@ -27,7 +27,7 @@ from warpvis.maps._floor_map import FloorMap, floor_map, ground_bits
 class Voxel(enum.IntEnum):
     """State of a voxel. Where views differ, the greatest value takes precedence."""
 
-    OUTSIDE = 0
+    UNKNOWN = 0
     """Outside of the image and range of all views, or without measurements."""
     HIDDEN = 1
     """Occluded in every view that contains it."""

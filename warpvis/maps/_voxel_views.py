@@ -71,7 +71,7 @@ def voxel_map(
     - `Voxel.FREE` if its center is in the image, between the camera's `near` and `far`, and nearer than the depth of
       its pixel.
     - `Voxel.HIDDEN` if its center is in the image and in that range, behind the depth of its pixel.
-    - `Voxel.OUTSIDE` otherwise.
+    - `Voxel.UNKNOWN` otherwise.
 
     A surface on the boundary of two voxels, such as a floor at height 0 where the box begins, is in either one due to
     rounding: begin the box half a voxel lower.
