@@ -282,6 +282,8 @@ def top_cases(folder):
                 "camera": CAMERA,
                 "unit": 0.001,
                 "poses": folder / "walk.txt",
+                "topic": None,
+                "world_frame": None,
             },
         ),
         "perspective": (

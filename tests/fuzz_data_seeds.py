@@ -304,14 +304,29 @@ def recordings(root: Path) -> Iterator[Item]:
 
     for kind, folder in write_folders(root / "recordings"):
         files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-        yield f"recording, {kind}", {f"set/{name}": data for name, data in files.items()}, (), _read_recording
+        yield f"recording, {kind}", {f"set/{name}": data for name, data in files.items()}, (), _recording_reader("set")
+    try:
+        from support.recording_bags import KINDS, write_room
+    except ImportError:
+        return
+    for kind in KINDS:
+        path = write_room(root / "recordings" / kind, kind, encoding="16UC1" if kind == "ros1" else "32FC1")
+        files = {
+            file.relative_to(path.parent).as_posix(): file.read_bytes()
+            for file in (path, *path.glob("*"))
+            if file.is_file()
+        }
+        yield f"recording, bag ({kind})", files, (), _recording_reader(path.name)
 
 
-def _read_recording(folder: Path) -> None:
-    recording = wv.open_recording(folder / "set", camera=wv.Camera.from_fov(64, 48, hfov=1.0))
-    for frame in recording[:_MAX_FRAMES]:
-        all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
-    wv.open_recording(folder / "set")
+def _recording_reader(name: str) -> Callable[[Path], None]:
+    def read(folder: Path) -> None:
+        recording = wv.open_recording(folder / name, camera=wv.Camera.from_fov(64, 48, hfov=1.0))
+        for frame in recording[:_MAX_FRAMES]:
+            all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
+        wv.open_recording(folder / name)
+
+    return read
 
 
 _SCENES: dict[str, wv.Scene] = {}

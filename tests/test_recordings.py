@@ -15,9 +15,10 @@ from warpvis.errors import FileFormatError
 from support.recordings import (
     K_SMALL,
     SMALL,
-    distance_to_walls,
+    assert_room,
     poses,
     rays,
+    refusal,
     room_depth,
     rows,
     save_color,
@@ -36,23 +37,6 @@ from support.recordings import (
 )
 
 CAMERA = wv.Camera.from_K([[60.0, 0, 31.5], [0, 61.0, 23.5], [0, 0, 1]], *SMALL, pixel_center=0.0)
-
-
-def assert_room(recording, units=1000, tolerance=1e-6):
-    """Check that the pixels of all frames, back-projected in double precision, are on the walls of the room."""
-    for frame in recording:
-        assert frame.depth.dtype == np.float32
-        assert np.isfinite(frame.depth).all()
-        # A point moves along its ray by at most half a unit; rays in the corners are up to 1.4 times as long as z.
-        assert distance_to_walls(world_points(frame)).max() < 0.75 / units + tolerance
-
-
-def refusal(call):
-    with pytest.raises(wv.WarpvisError) as caught:
-        call()
-    message = str(caught.value)
-    assert "\n" not in message
-    return message
 
 
 def test_tum(tmp_path):
@@ -376,8 +360,8 @@ def test_wrong_arguments(tmp_path):
     def message(path=tmp_path, **options):
         return refusal(lambda: wv.open_recording(path, **options))
 
-    assert message(tmp_path / "none") == f"{tmp_path / 'none'}: no such folder"
-    assert message(depth) == f"{depth}: must be the folder of a recording, got a file"
+    assert message(tmp_path / "none") == f"{tmp_path / 'none'}: no such file or folder"
+    assert message(depth) == f"{depth}: must be the folder of a recording, or a bag (.bag, .mcap, .db3)"
     assert "does not define the camera" in message()
     assert message(file_format="bag").startswith('file_format must be "tum", "icl", ')
     assert "camera" in message(camera="kinect")

@@ -5,8 +5,11 @@
 import json
 
 import numpy as np
+import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
+
+import warpvis as wv
 
 LOW, HIGH = np.array([0.0, 0.0, 0.0]), np.array([6.0, 4.0, 3.0])
 FLIP = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -57,6 +60,23 @@ def world_points(frame):
     k = (camera.fx, camera.fy, camera.cx, camera.cy)
     points = rays(k, camera.width, camera.height, 0.5) * frame.depth[..., None].astype(np.float64)
     return points @ Rotation.from_quat(pose[3:]).as_matrix().T + pose[:3]
+
+
+def assert_room(recording, units=1000, tolerance=1e-6):
+    """Check that the pixels of all frames, back-projected in double precision, are on the walls of the room."""
+    for frame in recording:
+        assert frame.depth.dtype == np.float32
+        assert np.isfinite(frame.depth).all()
+        # A point moves along its ray by at most half a unit; rays in the corners are up to 1.4 times as long as z.
+        assert distance_to_walls(world_points(frame)).max() < 0.75 / units + tolerance
+
+
+def refusal(call):
+    with pytest.raises(wv.WarpvisError) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
 
 
 def save_depth(path, depth, units):

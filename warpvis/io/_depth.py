@@ -9,7 +9,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -170,16 +170,33 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
     Raises:
         FileFormatError: If the file is missing, or not such an image.
     """
-    path = as_path(path)
     if check_number(unit, "unit", minimum=0.0) == 0.0:
         raise ArrayError("unit must be above 0 m")
+    return pixels_to_depth(read_pixels(as_path(path)), unit)
+
+
+def pixels_to_depth(
+    pixels: NDArray[Any], integer_unit: float = 0.001, float_unit: float | None = None
+) -> NDArray[np.float32]:
+    """Convert the pixels of a depth image to meters, NaN where they are 0, or 65535 in 16 bits.
+
+    Args:
+        pixels: Integers or floats.
+        integer_unit: Length of one unit of integers [m].
+        float_unit: Length of one unit of floats [m]; 1 by default.
+    """
+    if pixels.dtype.kind != "f":
+        return units_to_depth(pixels, integer_unit)
+    depth = pixels.astype(np.float32) * np.float32(1.0 if float_unit is None else float_unit)
+    return np.where(depth == 0, np.float32(np.nan), depth)
+
+
+def read_pixels(path: Path) -> NDArray[Any]:
+    """Read the pixels of a depth image, integers or floats, shape ``(H, W)``."""
     image = _read(path)
     if image.ndim != 2 or image.dtype.kind not in "fiu":
         raise FileFormatError(f"{path}: expected a depth image of shape (H, W), got {image.dtype} of {image.shape}")
-    if image.dtype.kind != "f":
-        return units_to_depth(image, unit)
-    depth = image.astype(np.float32)
-    return np.where(depth == 0, np.float32(np.nan), depth)
+    return image
 
 
 def _read(path: Path) -> NDArray:
@@ -188,19 +205,23 @@ def _read(path: Path) -> NDArray:
     require_content(path, "a depth image", images=False)
     if path.suffix.lower() == ".npy":
         return read_array(path)
+    return decode_units(path, "TIFF" if path.suffix.lower() in (".tif", ".tiff") else "PNG", path)
+
+
+def decode_units(source: Path | BinaryIO, kind: str, place: object) -> NDArray[Any]:
+    """Decode a gray image of 16 bits of a kind of Pillow's, or a float TIFF; `place` begins the message of an error."""
     from PIL import Image
 
-    kind = "TIFF" if path.suffix.lower() in (".tif", ".tiff") else "PNG"
     try:
-        with Image.open(path, formats=(kind,)) as picture:
+        with Image.open(source, formats=(kind,)) as picture:
             mode, image = picture.mode, np.asarray(picture)
     except Exception as error:  # each kind of damage raises its own exception
-        raise FileFormatError(f"{path}: not a {kind} image: {describe_exception(error)}") from None
+        raise FileFormatError(f"{place}: not a {kind} image: {describe_exception(error)}") from None
     if kind == "TIFF" and mode == "F":
         return image
     if mode not in ("I;16", "I;16B", "I"):
         raise FileFormatError(
-            f"{path}: expected a gray {kind} of 16 bits, as depth cameras' programs write, got mode {mode}"
+            f"{place}: expected a gray {kind} of 16 bits, as depth cameras' programs write, got mode {mode}"
         )
     return image.astype(np.uint16)  # Pillow returns 32 bits for some of these files
 

@@ -14,19 +14,17 @@ from warpvis.cameras.depth_images import check_meters
 from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
 from warpvis.core.arrays import as_numpy, on_gpu
 from warpvis.core.checks import check_choice
-from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, field, whole_field
+from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_cloud
 from warpvis.io._depth import depth_to_units, require_meters, units_to_depth, warn_of_lost
+from warpvis.io._image_messages import depth_pixels
 
 DepthEncoding = Literal["32FC1", "16UC1"]
 """Encoding of depth in an Image, as defined by REP 118."""
 
 _MILLIMETERS = 1000.0
-
-# NumPy types of pixels; some drivers call 16UC1 mono16.
-_PIXELS = {"32FC1": "f4", "16UC1": "u2", "mono16": "u2"}
 
 
 def to_image_msg(
@@ -79,29 +77,14 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
 
     32FC1 is returned unchanged, with +inf, -inf and NaN as defined by REP 117. 16UC1 is in millimeters: 0 becomes NaN,
     not measured, and so does 65535, which some drivers write for the same or for a limit. Both byte orders and padded
-    rows are supported. The message is of ROS 2, rosbags or ROS 1, or any object with its fields.
+    rows are supported. A ``sensor_msgs/CompressedImage`` of compressedDepth, PNG or RVL, is read, too. The message is
+    of ROS 2, rosbags or ROS 1, or any object with its fields.
 
     Raises:
-        MessageError: If it is not an Image, has another encoding, or has too few or too many bytes.
+        MessageError: If it is not such an image, has another encoding, or has too few or too many bytes.
     """
-    encoding = field(message, "encoding")
-    if encoding not in _PIXELS:
-        raise MessageError(f"an Image of depth must be of 32FC1 or 16UC1, got {encoding!r}")
-    height, width, step = (whole_field(message, name) for name in ("height", "width", "step"))
-    if height < 1 or width < 1:
-        raise MessageError(f"an Image of depth must have pixels, got {width} x {height}")
-    kind = np.dtype((">" if field(message, "is_bigendian") else "<") + _PIXELS[encoding])
-    data = _bytes_of(field(message, "data"))
-    if step < width * kind.itemsize or data.size != height * step:
-        raise MessageError(
-            f"an Image of {width} x {height} pixels of {encoding} in rows of {step} bytes must have at least "
-            f"{kind.itemsize} bytes a pixel and {height * step} in all, got {data.size}"
-        )
-    rows = np.ascontiguousarray(data.reshape(height, step)[:, : width * kind.itemsize])
-    pixels = rows.view(kind)
-    if kind.kind == "f":
-        return pixels.astype(np.float32)
-    return units_to_depth(pixels, 1 / _MILLIMETERS)
+    pixels = depth_pixels(message)
+    return pixels if pixels.dtype.kind == "f" else units_to_depth(pixels, 1 / _MILLIMETERS)
 
 
 def to_pointcloud2(
@@ -222,13 +205,3 @@ def _back_project(depth: NDArray[Any], camera: ImageCamera) -> NDArray[np.float3
     np.multiply(z, slope_x.astype(np.float32), out=points[..., 0])
     np.multiply(z, slope_y.astype(np.float32)[:, None], out=points[..., 1])
     return points
-
-
-def _bytes_of(data: Any) -> NDArray[np.uint8]:
-    """Return the bytes of a message field: bytes, an `array.array`, a NumPy array, or a list of numbers."""
-    try:
-        if isinstance(data, (list, tuple)):
-            data = bytes(data)
-        return np.frombuffer(data, dtype=np.uint8)
-    except (TypeError, ValueError) as error:
-        raise MessageError(f"data of an Image must be bytes: {error}") from None

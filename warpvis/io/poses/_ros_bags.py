@@ -16,6 +16,7 @@ from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
 from warpvis.core.file_content import reading, require_package
+from warpvis.core.messages import field
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 from warpvis.io._files import check_mcap
@@ -135,18 +136,23 @@ def _as_poses(path: Path, topic: str, child: str, poses: list[_Stamped]) -> tupl
 
 
 def _choose_camera(path: Path, infos: list[Any], frame: str, distortion: bool) -> ImageCamera | None:
-    """Return the camera of the bag's first CameraInfo with the poses' frame, or of its only CameraInfo.
+    """Return the camera of the CameraInfos with the poses' frame, or of the bag's only CameraInfo."""
+    of_frame = [info for info in infos if frame and info.header.frame_id == frame]
+    chosen = of_frame or (infos if len(infos) == 1 else [])
+    cameras = [camera_of_info(path, info, distortion) for info in chosen]
+    return None if None in cameras else one_camera([camera for camera in cameras if camera is not None], str(path))
+
+
+def camera_of_info(place: object, info: Any, distortion: bool) -> ImageCamera | None:
+    """Return the camera of a CameraInfo; warn and return None if it is not valid.
 
     It is that of the raw images if `distortion` is set and `D` is not zero, else of the rectified images.
     """
-    of_frame = [info for info in infos if frame and info.header.frame_id == frame]
-    chosen = of_frame or (infos if len(infos) == 1 else [])
     try:
-        raw = [distortion and np.any(info.d) for info in chosen]
-        makes = [Camera.from_raw_camera_info if flag else Camera.from_camera_info for flag in raw]
-        return one_camera([make(info) for make, info in zip(makes, chosen, strict=True)], str(path))
+        raw = distortion and np.any(field(info, "d", "D"))
+        return Camera.from_raw_camera_info(info) if raw else Camera.from_camera_info(info)
     except (CameraError, MessageError) as error:
-        warn_user(f"{path}: its CameraInfo is not a valid camera: {error}", IntrinsicsWarning)
+        warn_user(f"{place}: its CameraInfo is not a valid camera: {error}", IntrinsicsWarning)
         return None
 
 

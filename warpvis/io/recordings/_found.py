@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,29 +16,37 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import pluralize
 from warpvis.core.file_content import is_file, reading, require_content
+from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
-from warpvis.io._depth import read_depth
+from warpvis.io._depth import pixels_to_depth, read_pixels
 from warpvis.io._files import read_array
 from warpvis.io.cameras._making import image_size
+from warpvis.io.recordings._recording import FrameReader
 
 _DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
 _COLOR_SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp")
-_MILLIMETERS = 0.001
+MILLIMETERS = 0.001
+"""Length of one unit of depth images, if not defined by a format [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
     """The frames of a recording in files."""
 
-    depths: list[Path]
+    depths: list[Path]  # file of every depth image
     camera_to_world: NDArray[np.float64]  # rows of NaN where no pose is known, shape ``(N, 7)``
     colors: list[Path | None] | None = None
     timestamps: NDArray[np.float64] | None = None
     camera: ImageCamera | None = None
     camera_source: str = ""  # origin of `camera`
-    unit: float = _MILLIMETERS  # length of one unit of integers [m]
+    unit: float = MILLIMETERS  # length of one unit of integers [m]
     color_camera: Camera | None = None  # camera of color images that have other pixels than the depth images
+    details: Mapping[str, Json] = field(default_factory=dict)  # further details of the origin of the frames
+
+    def reader(self, camera: ImageCamera, unit: float | None) -> FrameReader:
+        """Return the reader of the images; `unit` is the length of one unit [m], None for that of the format."""
+        return FileReader(self, camera, unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,46 +59,35 @@ class FileReader:
 
     def read_depth(self, index: int) -> NDArray[np.float32]:
         """Return a depth image [m]."""
-        path = self.found.depths[index]
         unit = self.found.unit if self.unit is None else self.unit
-        depth = read_depth(path, unit=unit)
-        if self.unit is not None and is_float(path):
-            depth = depth * np.float32(self.unit)
-        return depth
+        return pixels_to_depth(read_pixels(self.found.depths[index]), unit, self.unit)
 
     def read_color(self, index: int) -> NDArray[np.uint8] | None:
         """Return a color image; pixels of a separate color camera are resampled to those of the depth image."""
         path = self.found.colors[index] if self.found.colors is not None else None
         if path is None:
             return None
-        color = read_color_file(path)
-        source, camera = self.found.color_camera, self.camera
-        if source is None or not isinstance(camera, Camera) or color.shape[:2] == (camera.height, camera.width):
-            return color
-        if color.shape[:2] != (source.height, source.width):
-            raise FileFormatError(
-                f"{path}: must have the {source.width} x {source.height} pixels of the color camera, got "
-                f"{color.shape[1]} x {color.shape[0]}"
-            )
-        x = np.floor((np.arange(camera.width) + 0.5 - camera.cx) * (source.fx / camera.fx) + source.cx).astype(int)
-        y = np.floor((np.arange(camera.height) + 0.5 - camera.cy) * (source.fy / camera.fy) + source.cy).astype(int)
-        return color[np.ix_(y.clip(0, source.height - 1), x.clip(0, source.width - 1))]
+        return resample_color(read_color_file(path), self.found.color_camera, self.camera, path)
 
     def place(self, index: int) -> str:
         """Return the path of a depth image."""
         return str(self.found.depths[index])
 
 
-def is_float(path: Path) -> bool:
-    """Return whether a file has depth as floating-point numbers."""
-    if path.suffix.lower() == ".npy":
-        return read_array(path).dtype.kind == "f"
-    if path.suffix.lower() in (".tif", ".tiff"):
-        from PIL import Image
-
-        with reading(path, "a depth image"), Image.open(path) as picture:
-            return picture.mode == "F"
-    return False
+def resample_color(
+    color: NDArray[np.uint8], source: Camera | None, camera: ImageCamera, place: object
+) -> NDArray[np.uint8]:
+    """Return the colors of the pixels of a depth image, if its camera and that of the colors, `source`, differ."""
+    if source is None or not isinstance(camera, Camera) or color.shape[:2] == (camera.height, camera.width):
+        return color
+    if color.shape[:2] != (source.height, source.width):
+        raise FileFormatError(
+            f"{place}: must have the {source.width} x {source.height} pixels of the color camera, got "
+            f"{color.shape[1]} x {color.shape[0]}"
+        )
+    x = np.floor((np.arange(camera.width) + 0.5 - camera.cx) * (source.fx / camera.fx) + source.cx).astype(int)
+    y = np.floor((np.arange(camera.height) + 0.5 - camera.cy) * (source.fy / camera.fy) + source.cy).astype(int)
+    return color[np.ix_(y.clip(0, source.height - 1), x.clip(0, source.width - 1))]
 
 
 def read_color_file(path: Path) -> NDArray[np.uint8]:

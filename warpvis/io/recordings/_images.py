@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +88,7 @@ def _with_poses(found: Found, rows: NDArray[np.float64], frames: Frames | None, 
     camera, origin = found.camera, found.camera_source
     if camera is None and frames is not None and frames.camera is not None:
         camera, origin = frames.camera, poses.name
-    return Found(found.depths, rows, found.colors, found.timestamps, camera, origin, found.unit, found.color_camera)
+    return replace(found, camera_to_world=rows, camera=camera, camera_source=origin)
 
 
 def _overlap(times: NDArray[np.float64], pose_times: NDArray[np.float64]) -> bool:

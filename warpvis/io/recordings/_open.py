@@ -12,9 +12,11 @@ from typing import Literal, get_args
 import numpy as np
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.core.checks import as_path, check_choice, check_number
+from warpvis.core.checks import as_path, check_choice, check_number, check_text
 from warpvis.core.types import Json
 from warpvis.errors import ArrayError, FileFormatError
+from warpvis.io.recordings._bag_files import BAG_SUFFIXES, is_bag
+from warpvis.io.recordings._bags import read_bag_images
 from warpvis.io.recordings._datasets import (
     read_icl,
     read_redwood,
@@ -23,11 +25,11 @@ from warpvis.io.recordings._datasets import (
     read_tum,
     seven_scenes_folder,
 )
-from warpvis.io.recordings._found import FileReader, Found
+from warpvis.io.recordings._found import Found
 from warpvis.io.recordings._images import join_poses, read_images
 from warpvis.io.recordings._recording import Recording
 
-RecordingFormat = Literal["tum", "icl", "7scenes", "scannet", "redwood", "images"]
+RecordingFormat = Literal["tum", "icl", "7scenes", "scannet", "redwood", "images", "ros"]
 
 
 def open_recording(
@@ -37,6 +39,8 @@ def open_recording(
     camera: ImageCamera | None = None,
     unit: float | None = None,
     poses: str | os.PathLike[str] | None = None,
+    topic: str | None = None,
+    world_frame: str | None = None,
 ) -> Recording:
     """Open a recording of a depth camera. Images are read when they are accessed.
 
@@ -49,19 +53,27 @@ def open_recording(
     - ``redwood``: Redwood and Open3D, ``depth``, ``color`` or ``image``, and a trajectory ``.log``, in millimeters.
     - ``images``: a folder of depth images, or with a folder ``depth``, and optionally ``color`` (``rgb``, ``image``):
       PNG or TIFF of 16 bits in millimeters, float TIFF or ``.npy`` in meters.
+    - ``ros``: a ROS 1 bag, ``.bag``, a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file, or a recording of the
+      RealSense SDK: Image of 16UC1, 32FC1 or mono16, or compressedDepth (PNG or RVL). The camera is the CameraInfo
+      beside the images, with its lens for raw images; poses are those of tf, interpolated between transforms within
+      1 s. Color images are those with the same frame.
 
     Depth is NaN where a file has 0, NaN or an infinity, or 65535 in 16 bits. Images and poses with times are joined
     within 0.02 s; poses are interpolated between those before and after an image. ``images`` are joined with poses of
     COLMAP and nerfstudio by name. Color images have the pixels of the depth images; those of ScanNet are resampled.
 
     Args:
-        path: Folder of the recording.
+        path: Folder of the recording, or file of a bag.
         file_format: The format; by default determined from the files in the folder.
         camera: The camera of the depth images; by default that of the recording.
         unit: Length of one unit of the depth images [m], by default that of the format.
         poses: A file of poses of any format of `read_frames`, or a ``.log`` of Redwood. By default those of the format;
             for ``images`` a file ``groundtruth.txt``, ``trajectory.txt``, ``poses.txt``, ``transforms.json``, or
             COLMAP's ``images.txt`` or ``images.bin`` in the folder, if there is one.
+        topic: The topic of the depth images of a bag; not needed if only one topic has depth images.
+        world_frame: The tf frame that is the world of a bag's poses, by default the root of the tree. Without it, no
+            pose is known if all transforms to the root are static, unless that is ``world``, ``map``, ``odom`` or
+            ``earth``.
 
     Returns:
         The recording; frames without a pose have NaN.
@@ -82,21 +94,30 @@ def open_recording(
     if pose_file is not None and pose_file.is_dir() and not (pose_file / "metadata.yaml").is_file():
         raise FileFormatError(f"{pose_file}: must be a file of poses, got a folder")
     if not path.exists():
-        raise FileFormatError(f"{path}: no such folder")
-    if not path.is_dir():
-        raise FileFormatError(f"{path}: must be the folder of a recording, got a file")
-    kind = file_format or _detect(path)
-    found = _read(path, kind, pose_file, chosen=file_format is not None)
+        raise FileFormatError(f"{path}: no such file or folder")
+    kind = file_format or ("ros" if is_bag(path) else "images" if path.is_file() else _detect(path))
+    if kind != "ros" and not path.is_dir():
+        raise FileFormatError(f"{path}: must be the folder of a recording, or a bag ({', '.join(BAG_SUFFIXES)})")
+    given = {name: value for name, value in (("topic", topic), ("world_frame", world_frame)) if value is not None}
+    for name, value in given.items():
+        check_text(value, name, FileFormatError)
+        if kind != "ros":
+            raise FileFormatError(f"{path}: {name}= is for bags, which this is not")
+    if kind == "ros":
+        found: Found = read_bag_images(path, topic, world_frame)
+    else:
+        found = _read(path, kind, pose_file, chosen=file_format is not None)
+    if pose_file is not None and kind != "images":
+        found = join_poses(found, pose_file)
     if camera is None and found.camera is None:
         raise FileFormatError(f"{path}: does not define the camera; pass that of the depth images as camera=")
     chosen = camera or found.camera
     assert chosen is not None  # for type checkers: one of the two is given
-    source: dict[str, Json] = {"file": path.absolute().name, "format": kind}
+    source: dict[str, Json] = {"file": path.absolute().name, "format": kind, **found.details}
     source["camera"] = "given" if camera is not None else found.camera_source
     count = len(found.depths)
     times = np.arange(count, dtype=np.float64) if found.timestamps is None else found.timestamps
-    reader = FileReader(found, chosen, unit)
-    return Recording(chosen, times, found.camera_to_world, source, reader, np.arange(count))
+    return Recording(chosen, times, found.camera_to_world, source, found.reader(chosen, unit), np.arange(count))
 
 
 def _detect(path: Path) -> RecordingFormat:
@@ -118,8 +139,6 @@ def _read(path: Path, kind: RecordingFormat, poses: Path | None, *, chosen: bool
     if kind == "images":
         return read_images(path, poses)
     if kind == "7scenes":
-        found = read_seven_scenes(path, chosen=chosen)
-    else:
-        readers = {"tum": read_tum, "icl": read_icl, "scannet": read_scannet, "redwood": read_redwood}
-        found = readers[kind](path)
-    return found if poses is None else join_poses(found, poses)
+        return read_seven_scenes(path, chosen=chosen)
+    readers = {"tum": read_tum, "icl": read_icl, "scannet": read_scannet, "redwood": read_redwood}
+    return readers[kind](path)

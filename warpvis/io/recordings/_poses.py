@@ -113,12 +113,16 @@ def nearest(times: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
 
 
 def poses_at(
-    times: NDArray[np.float64], pose_times: NDArray[np.float64], rows: NDArray[np.float64]
+    times: NDArray[np.float64],
+    pose_times: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    *,
+    max_gap: float = TIME_TOLERANCE,
 ) -> NDArray[np.float64]:
     """Return the pose at each time, shape ``(N, 7)``.
 
     It is interpolated between the poses before and after, positions linearly and rotations along the shortest arc, if
-    both are within `TIME_TOLERANCE`; else it is the nearest pose within it, or NaN without one.
+    both are within `max_gap` [s]; else it is the nearest pose within `TIME_TOLERANCE`, or NaN without one.
     """
     found = nearest(times, pose_times)
     poses = np.where(found[:, None] >= 0, rows[found], np.nan)
@@ -130,7 +134,7 @@ def poses_at(
     if len(known) < 2:
         return poses
     start, end = known[after - 1], known[after]
-    between &= (times - start <= TIME_TOLERANCE) & (end - times <= TIME_TOLERANCE) & (end > start)
+    between &= (times - start <= max_gap) & (end - times <= max_gap) & (end > start)
     part = np.divide(times - start, end - start, out=np.zeros_like(times), where=between)[:, None]
     mixed = interpolate(rows[order[after - 1]], rows[order[after]], part)
     return np.where(between[:, None], mixed, poses)
