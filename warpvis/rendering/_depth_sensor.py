@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias, cast
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import ProjectingCamera
 from warpvis.cameras.pinhole import Camera
@@ -208,6 +208,27 @@ class DepthSensor(ABC):
                 "dataclasses.replace(sensor, native_camera=None)"
             )
         return replace(camera, near=near, far=far)
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the standard deviation of measured depth, for a surface at normal incidence.
+
+        It includes rounding and systematic errors, as their root mean square, but no errors at edges. Models that do
+        not override this method have none.
+
+        Args:
+            depth: Exact depth [m], any shape.
+            camera: The camera, which defines the focal length of some models.
+
+        Returns:
+            Standard deviation [m], the shape of `depth`.
+
+        Raises:
+            ArrayError: If the model does not define it.
+        """
+        raise ArrayError(
+            f"sensor must define the standard deviation of its depth, got {type(self).__name__}, which does not; "
+            "override depth_sigma, or pass a number of meters or a function of depth"
+        )
 
     @abstractmethod
     def measure(self, exposure: Exposure) -> None:

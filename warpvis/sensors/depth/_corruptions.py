@@ -7,8 +7,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import as_floats
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.core.kernel_cache import launch
@@ -76,6 +79,12 @@ class Corruptions(DepthSensor):
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera if it can be used with the sensor and the scene."""
         return super().check(scene, camera) if self.of is None else self.of.check(scene, camera)
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the root of the sum of squares of both kinds of noise and of that of the sensor."""
+        z = as_floats(depth, "depth")
+        inner = 0.0 if self.of is None else self.of.depth_sigma(z, camera)
+        return np.sqrt(self.added**2 + (self.multiplied * z) ** 2 + np.square(inner))
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""

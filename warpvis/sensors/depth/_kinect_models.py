@@ -13,8 +13,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import as_floats
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_angle, check_flag, check_number, describe_exception
 from warpvis.core.types import ArrayInput
@@ -76,6 +78,10 @@ class NguyenNoise(DepthSensor):
         """Exact images that are read."""
         return ("normals",)
 
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the axial standard deviation at normal incidence, equation 3."""
+        return self.min_axial + self.axial_growth * (as_floats(depth, "depth") - self.best_depth) ** 2
+
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sensors.kinect_noise import NguyenModel, measure_nguyen
@@ -111,6 +117,11 @@ class KhoshelhamNoise(DepthSensor):
         check_positive(self.step, "step", "per meter")
         check_number(self.sigma, "sigma", minimum=0.0)
         check_flag(self.rounds, "rounds")
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return `step` z^2 times the standard deviation of disparities, with rounding."""
+        disparity_sigma = math.sqrt(self.sigma**2 + (1 / 12 if self.rounds else 0.0))
+        return self.step * disparity_sigma * as_floats(depth, "depth") ** 2
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
@@ -164,6 +175,13 @@ class RedwoodNoise(ByValue, DepthSensor):
     def bytes_per_pixel(self) -> int:
         """Scratch memory per pixel [B]."""
         return 12
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the standard deviation without the distortion of the table."""
+        from warpvis.kernels.sensors.redwood import DISPARITY_SCALE, DISPARITY_SIGMA, LEVELS
+
+        sigma = math.sqrt((DISPARITY_SIGMA * self.multiplier) ** 2 + 1 / (12 * LEVELS**2))
+        return as_floats(depth, "depth") ** 2 * (sigma / DISPARITY_SCALE)
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
@@ -268,6 +286,15 @@ class SimKinect(ByValue, DepthSensor):
     def bytes_per_pixel(self) -> int:
         """Scratch memory per pixel [B]."""
         return 16
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the root mean square error of both roundings and of the noise, with the bias of half a step."""
+        squared = as_floats(depth, "depth") ** 2
+        focal_length = camera.fx if self.focal_length is None else self.focal_length
+        fine = squared / (8 * focal_length * self.baseline)
+        coarse = squared * (self.units / 35130)
+        noise = coarse**2 * (self.sigma**2 + 1 / 4)
+        return np.sqrt(noise + (fine**2 + coarse**2 + 1 / self.units**2) / 12)
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""

@@ -13,7 +13,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_choice, check_whole, describe_exception, is_number, is_whole, truncate
@@ -157,6 +157,10 @@ class Randomized(DepthSensor):
         inputs = [draws, words, wp.uint32(seed), wp.uint32(STREAM_PARAMETERS), uniforms]
         launch(draw_uniforms, uniforms.shape, inputs, host)
         return uniforms.numpy()
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the maximum of all sensors."""
+        return np.max([corner.depth_sigma(depth, camera) for corner in self._corners], axis=0)
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of all sensors; views with the same sensor are simulated together."""

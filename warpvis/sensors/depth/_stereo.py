@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import as_floats
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
@@ -197,6 +199,12 @@ class StereoDepth(Device):
             )
         margin = math.ceil(max_shift) + 1
         return dataclasses.replace(other, width=camera.width + 2 * margin, cx=camera.cx + margin)
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return z^2 / (f b) times the standard deviation of disparity: noise, locking and rounding."""
+        rounding = 1 / (12 * self.subpixel**2) if self.subpixel else 0.0
+        disparity_sigma = math.sqrt(self.sigma**2 + self.locking**2 / 2 + rounding)
+        return as_floats(depth, "depth") ** 2 * (disparity_sigma / self._scale(camera))
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""

@@ -6,14 +6,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike, NDArray
 
+from warpvis.cameras.checks import as_floats
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import empty
 from warpvis.core.checks import as_items, check_angle, check_flag, check_number, is_number
 from warpvis.core.kernel_cache import launch
@@ -129,6 +132,21 @@ class TimeOfFlight(Device):
     @property
     def _integers(self) -> tuple[int, ...]:
         return tuple(int(number) for number in self.frequencies)  # type: ignore[union-attr]
+
+    def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
+        """Return the standard deviation of range at the image center, for the darkest surface; with `offset`, `wiggle`.
+
+        Surfaces at an angle of incidence theta return as much light as a surface of reflectivity rho cos(theta).
+        """
+        values = self.reflectivity.values() if isinstance(self.reflectivity, Mapping) else self.reflectivity
+        darkest = float(np.min([*values] if isinstance(values, Iterable) else values, initial=1.0))
+        z = as_floats(depth, "depth")
+        noise = np.zeros_like(z)
+        if math.isfinite(self.signal):
+            electrons = np.maximum(self.signal * darkest / np.maximum(z, 1e-6) ** 2, 1e-30)
+            scale = SPEED_OF_LIGHT / (4 * math.sqrt(2) * math.pi * self._integers[0] * self.contrast)
+            noise = scale * np.sqrt(electrons + self.background) / electrons
+        return np.sqrt(noise**2 + self.offset**2 + self.wiggle**2 / 2)
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
