@@ -30,6 +30,13 @@ POINT_OCCLUDED = 3
 POINT_VISIBLE = 4
 POINT_UNKNOWN = 5
 
+# Measured depth compared with expected depth: `warpvis.maps.Agreement`.
+DEPTH_NO_MEASUREMENT = 0
+DEPTH_AGREES = 1
+DEPTH_NEARER = 2
+DEPTH_FARTHER = 3
+DEPTH_NO_SURFACE = 4
+
 # Why a sensor reports no depth at a pixel: `warpvis.sensors.Reason`.
 REASON_VALID = 0
 REASON_EMPTY = 1

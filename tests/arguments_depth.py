@@ -24,6 +24,17 @@ def depth_sensor_cases(path):
     used = wv.sensors.Latency(2)
     used(wv.render(seen, CAMERA, POSE, outputs="depth"))
     cases = {name: (getattr(wv.sensors, name), {"width": 8, "height": 6}) for name in _PROFILES}
+    for model in (
+        sensor,
+        wv.sensors.TimeOfFlight(1e8, signal=1e4),
+        wv.sensors.NguyenNoise(),
+        wv.sensors.KhoshelhamNoise(),
+        wv.sensors.SimKinect(),
+        wv.sensors.RedwoodNoise(np.ones((80, 80, 5))),
+        wv.sensors.Corruptions(of=sensor),
+        wv.sensors.randomized(sensor, sigma=(0.1, 0.2)),
+    ):
+        cases[f"{type(model).__name__}.depth_sigma"] = model.depth_sigma, {"depth": [1.0, 2.0], "camera": CAMERA}
     wall = wv.sensors.StereoDepth(0.05, sigma=0.1, subpixel=8)
     far = wv.Scene()
     far.add(trimesh.creation.box((40, 0.1, 40)), pose=(0, 2.0, 0, 0, 0, 0.1, 0.995))

@@ -31,6 +31,7 @@ RAW_INFO = types.SimpleNamespace(
 POSE_ABOVE = wv.look_at((0, 0, 1), (1, 0, 0.5))
 FLOOR_POINTS = np.stack([*np.meshgrid(np.arange(0.5, 2.5, 0.02), np.arange(-1, 1, 0.02)), np.zeros((100, 100))], -1)
 FLOOR = wv.fit_floor(FLOOR_POINTS, camera_to_world=POSE_ABOVE, up=(0, 0, 1))
+COMPARED = wv.compare_depth(scene(), CAMERA, POSE, DEPTH, sigma=0.01)
 
 
 def top_cases(folder):
@@ -224,6 +225,26 @@ def top_cases(folder):
                 "threads": 1,
                 "out": None,
                 "spheres_out": None,
+            },
+        ),
+        "DepthComparison.changes": (
+            COMPARED.changes,
+            {"objects": ["box"], "min_pixels": 2, "gap": 0.1, "min_displacement": 0.02, "max_displacement": 1.0},
+        ),
+        "compare_depth": (
+            wv.compare_depth,
+            {
+                "scene": seen,
+                **VIEW,
+                "depth": DEPTH,
+                "sigma": 0.01,
+                "threshold": 3.0,
+                "tolerance": 0.01,
+                "edge": 1,
+                "complete": True,
+                **WORLDS,
+                "quaternion": "xyzw",
+                "threads": 1,
             },
         ),
         "FloorFit.heights": (FLOOR.heights, {"points": [[0.0, 0.0, 1.0]]}),

@@ -33,6 +33,7 @@ from .maps import (
     VoxelMap as VoxelMap,
     back_project as back_project,
     classify as classify,
+    compare_depth as compare_depth,
     fit_floor as fit_floor,
     floor_map as floor_map,
     voxel_map as voxel_map,

@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
+from warpvis.maps._compare_depth import Agreement, DepthComparison, compare_depth as compare_depth
 from warpvis.maps._floor_fit import FloorFit, fit_floor as fit_floor
 from warpvis.maps._floor_map import (
     MAP_LEGEND,
@@ -16,13 +17,17 @@ from warpvis.maps._floor_map import (
     label_colors,
 )
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
+from warpvis.maps._scene_changes import SceneChange
 from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap
 from warpvis.maps._voxel_views import voxel_map as voxel_map, voxel_map_from_scene as voxel_map_from_scene
 
 __all__ = [
     "MAP_LEGEND",
+    "Agreement",
+    "DepthComparison",
     "FloorFit",
     "PlanVisibility",
+    "SceneChange",
     "Sphere",
     "Voxel",
     "classify_rendered",

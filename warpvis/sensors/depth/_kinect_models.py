@@ -16,7 +16,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.checks import as_floats
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_angle, check_flag, check_number, describe_exception
 from warpvis.core.types import ArrayInput
@@ -290,7 +290,7 @@ class SimKinect(ByValue, DepthSensor):
     def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
         """Return the root mean square error of both roundings and of the noise, with the bias of half a step."""
         squared = as_floats(depth, "depth") ** 2
-        focal_length = camera.fx if self.focal_length is None else self.focal_length
+        focal_length = require_camera(camera).fx if self.focal_length is None else self.focal_length
         fine = squared / (8 * focal_length * self.baseline)
         coarse = squared * (self.units / 35130)
         noise = coarse**2 * (self.sigma**2 + 1 / 4)

@@ -15,7 +15,7 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.checks import as_floats
-from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import check_choice, check_flag, check_number, check_whole, is_number
 from warpvis.core.kernel_cache import launch
 from warpvis.core.user_warnings import warn_user
@@ -184,7 +184,7 @@ class StereoDepth(Device):
 
     def _scale(self, camera: Camera) -> float:
         """Return focal length times baseline [px m]."""
-        return (camera.fx if self.focal_length is None else self.focal_length) * self.baseline
+        return (require_camera(camera).fx if self.focal_length is None else self.focal_length) * self.baseline
 
     def _other_camera(self, camera: Camera, clip_near: float) -> Camera:
         """Return the camera of the other eye; with ``band=False``, its image is widened by the maximum disparity."""

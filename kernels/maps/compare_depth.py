@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Comparison of measured depth with the expected depth of the same pixels."""
+
+import warp as wp
+
+from warpvis.kernels.constants import (
+    DEPTH_AGREES,
+    DEPTH_FARTHER,
+    DEPTH_NEARER,
+    DEPTH_NO_MEASUREMENT,
+    DEPTH_NO_SURFACE,
+)
+from warpvis.kernels.maps.classify import has_depth
+from warpvis.kernels.pinhole import Window, locate
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+NO_MEASUREMENT = wp.constant(wp.uint8(DEPTH_NO_MEASUREMENT))
+AGREES = wp.constant(wp.uint8(DEPTH_AGREES))
+NEARER = wp.constant(wp.uint8(DEPTH_NEARER))
+FARTHER = wp.constant(wp.uint8(DEPTH_FARTHER))
+NO_SURFACE = wp.constant(wp.uint8(DEPTH_NO_SURFACE))
+
+
+@wp.struct
+class Criteria:
+    """When measured and expected depth agree: `warpvis.compare_depth`."""
+
+    near: float
+    far: float
+    threshold: float
+    tolerance: float
+    edge: int
+    empty: wp.uint8  # label of pixels with depth where no surface is expected
+    first_log: float  # logarithm of the depth [m] of the first standard deviation
+    steps_per_log: float
+
+
+@wp.func
+def sigma_at(criteria: Criteria, sigmas: wp.array[float], depth: float) -> float:
+    """Interpolate the standard deviation of depth [m] between depths whose logarithms are equidistant."""
+    last = sigmas.shape[0] - 1
+    place = wp.clamp((wp.log(depth) - criteria.first_log) * criteria.steps_per_log, 0.0, float(last))
+    before = wp.min(int(place), last - 1)
+    start = sigmas[before]
+    return start + (sigmas[before + 1] - start) * (place - float(before))
+
+
+@wp.kernel
+def compare_depth(
+    # Cameras:
+    window: Window,
+    # In:
+    criteria: Criteria,
+    sigmas: wp.array[float],
+    expected_in: wp.array3d[float],
+    depth_in: wp.array3d[float],
+    # Out:
+    labels_out: wp.array3d[wp.uint8],
+    residual_out: wp.array3d[float],
+):
+    """Label pixels by measured depth against the range of expected depth around them, and write residuals."""
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+    depth = depth_in[view, y, x]
+    if not has_depth(depth, criteria.near, criteria.far):
+        labels_out[view, y, x] = NO_MEASUREMENT
+        residual_out[view, y, x] = wp.nan
+        return
+    expected = expected_in[view, y, x]
+    residual = (depth - expected) / sigma_at(criteria, sigmas, expected)
+    residual_out[view, y, x] = wp.where(wp.isfinite(expected), residual, wp.nan)
+
+    nearest = float(wp.inf)
+    farthest = float(0.0)
+    for row in range(wp.max(y - criteria.edge, 0), wp.min(y + criteria.edge + 1, expected_in.shape[1])):
+        for column in range(wp.max(x - criteria.edge, 0), wp.min(x + criteria.edge + 1, expected_in.shape[2])):
+            nearest = wp.min(nearest, expected_in[view, row, column])
+            farthest = wp.max(farthest, expected_in[view, row, column])
+    label = AGREES
+    if nearest == wp.inf:
+        label = criteria.empty
+    elif nearest - depth > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, nearest):
+        label = NEARER
+    elif depth - farthest > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, farthest):
+        label = FARTHER
+    labels_out[view, y, x] = label

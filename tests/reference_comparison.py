@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Reference of the kernel that compares measured with expected depth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from warpvis import Camera
+from warpvis.maps import Agreement
+
+
+def compare_depth(
+    camera: Camera,
+    expected: NDArray,
+    depth: NDArray,
+    sigma: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    *,
+    threshold: float = 4.0,
+    tolerance: float = 0.0,
+    edge: int = 1,
+    empty: int = Agreement.NO_SURFACE,
+) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64]]:
+    """Return labels of one view, residuals, and by how many meters depth is inside of its limits; negative outside."""
+    expected, depth = expected.astype(np.float64), depth.astype(np.float64)
+    size = 2 * edge + 1
+    nearest = ndimage.minimum_filter(expected, size, mode="nearest")
+    farthest = ndimage.maximum_filter(expected, size, mode="nearest")
+    with np.errstate(invalid="ignore"):
+        measured = np.isfinite(depth) & (depth > 0) & (depth >= camera.near) & (depth <= camera.far)
+        below = depth - (nearest - tolerance - threshold * sigma(nearest))
+        above = np.where(np.isinf(farthest), np.inf, farthest + tolerance + threshold * sigma(farthest) - depth)
+        labels = np.select(
+            [~measured, np.isinf(nearest), below < 0, above < 0],
+            [Agreement.NO_MEASUREMENT, empty, Agreement.NEARER, Agreement.FARTHER],
+            Agreement.AGREES,
+        )
+        residual = np.where(measured & np.isfinite(expected), (depth - expected) / sigma(expected), np.nan)
+    return labels.astype(np.uint8), residual, np.fmin(below, above)

@@ -1,0 +1,280 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Comparison of measured depth images with those that a scene predicts, pixel by pixel."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.cameras.depth_images import read_images
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.core.arrays import as_numpy, check_length, empty_images
+from warpvis.core.checks import check_flag, check_number, check_whole, is_number
+from warpvis.core.pose_order import warn_of_order
+from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, to_xyzw
+from warpvis.core.threads import check_threads, launch_images
+from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
+from warpvis.errors import ArrayError
+from warpvis.kernels import constants
+from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
+from warpvis.rendering import DepthSensor, Renderer
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
+
+Sigma: TypeAlias = float | DepthSensor | Callable[[NDArray[np.float64]], ArrayInput]
+"""Standard deviation of depth: a number of meters, a model of `warpvis.sensors`, or a function of depth."""
+
+# Depths whose standard deviation is tabulated, from 1 mm to 100 km, 1 % apart: linear interpolation of z^2 between them
+# has a relative error of 3e-5.
+_KNOTS = np.geomspace(1e-3, 1e5, 1852)
+
+# Largest standard deviation of a depth camera [m]: larger numbers are millimeters.
+_MAX_SIGMA = 1.0
+
+# Limits of tabulated standard deviations [m]: residuals stay finite.
+_SIGMA_LIMITS = 1e-6, 1e6
+
+# Largest half side of the window of expected depths [px].
+_MAX_EDGE = 32
+
+
+class Agreement(enum.IntEnum):
+    """Whether measured depth agrees with expected depth."""
+
+    NO_MEASUREMENT = constants.DEPTH_NO_MEASUREMENT
+    """The pixel has no depth: NaN, infinite, 0, or out of the camera's range."""
+    AGREES = constants.DEPTH_AGREES
+    """The expected surface was measured."""
+    NEARER = constants.DEPTH_NEARER
+    """A surface in front of the expected one was measured: something new."""
+    FARTHER = constants.DEPTH_FARTHER
+    """A surface behind the expected one was measured: something is gone."""
+    NO_SURFACE = constants.DEPTH_NO_SURFACE
+    """A surface was measured where the scene has none: something new, or a part of the world that the scene lacks."""
+
+
+@dataclass(frozen=True, eq=False)
+class DepthComparison:
+    """Measured against expected depth of V views: `wp.array`s on the scene's device, shape ``(V, H, W)``."""
+
+    labels: wp.array
+    """`Agreement` of every pixel, uint8."""
+    expected: wp.array
+    """Depth of the scene's first surface [m], float32; +inf without one."""
+    segmentation: wp.array
+    """Index of the object of that surface, -1 without one, int32."""
+    residual: wp.array
+    """Measured minus expected depth of the pixel itself, in standard deviations, float32; NaN without either. Beside an
+    edge of the scene, a large residual may agree with the other side of the edge."""
+    _evidence: Callable[[Sequence[int]], Evidence]
+
+    @cached_property
+    def fractions(self) -> NDArray[np.float64]:
+        """Fraction of the pixels of each view with each `Agreement`, shape ``(V, 5)``; waits for a GPU."""
+        labels = self.labels.numpy().reshape(len(self.labels), -1)
+        counts = [np.bincount(row, minlength=len(Agreement)) for row in labels]
+        return np.array(counts, dtype=np.float64).reshape(-1, len(Agreement)) / max(labels.shape[1], 1)
+
+    def changes(
+        self,
+        *,
+        objects: Sequence[str | int] | None = None,
+        min_pixels: int = 50,
+        gap: float = 0.05,
+        min_displacement: float = 0.02,
+        max_displacement: float = 1.0,
+    ) -> list[SceneChange]:
+        """Return which objects are present, moved, vanished or unknown, and what appeared; views add up.
+
+        An object is a suspect if 2 % or more of its measured pixels are farther than expected, or if it is not seen at
+        its place at all. The views are rendered again without the suspects, and surfaces nearer than these
+        images are joined to clusters in the world. A cluster near a suspect, and of a similar size, is the moved
+        object; another cluster is a new thing. Pixels beyond a surface of something else than a suspect are clusters
+        that vanished.
+
+        It copies images to host memory, and waits for a GPU.
+
+        Args:
+            objects: Names or indices of the objects that may have moved or vanished, each of which has one row in the
+                result; by default those that are neither ground nor `warpvis.Label.OBSTACLE`.
+            min_pixels: Minimum number of pixels of a cluster in at least one view, and of an object in all views
+                together, that is judged.
+            gap: Maximum distance of the points of one cluster to the nearest others [m]. Points up to 3.5 times as far
+                apart may be joined.
+            min_displacement: Displacement up to which an object is present [m], or 2 pixels if that is more.
+            max_displacement: Maximum distance between an object and the cluster that is this object [m].
+
+        Returns:
+            One row for each of `objects`, in the scene's order; then things that appeared, and those that vanished, the
+            largest first.
+        """
+        evidence = self._evidence(())
+        candidates = choose_candidates(evidence.scene, objects)
+        limits = check_length(min_displacement, "min_displacement"), check_length(max_displacement, "max_displacement")
+        return find_changes(
+            evidence,
+            self._evidence,
+            candidates,
+            min_pixels=check_whole(min_pixels, "min_pixels"),
+            gap=check_number(gap, "gap", minimum=1e-3, maximum=10.0),
+            displacements=limits,
+        )
+
+
+def compare_depth(
+    scene: Scene,
+    camera: ImageCamera,
+    camera_to_world: PoseLike,
+    depth: ArrayInput,
+    *,
+    sigma: Sigma,
+    threshold: float = 4.0,
+    tolerance: float = 0.0,
+    edge: int = 1,
+    complete: bool = False,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
+    convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
+    threads: int | None = None,
+) -> DepthComparison:
+    """Compare measured depth images with those that a scene predicts.
+
+    A pixel is nearer or farther if its depth differs by more than ``tolerance + threshold * sigma`` from every depth
+    between the nearest and the farthest expected one in a window around it. The window makes edges insensitive to
+    errors of the pose, of the calibration and of the sensor of up to `edge` pixels. With normal errors, no window and
+    no tolerance, a fraction of ``erfc(threshold / sqrt(2))`` of the pixels of an unchanged scene is labeled wrongly:
+    0.00006 for 4.
+
+    Args:
+        scene: The expected scene.
+        camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
+        camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+        depth: Measured depth as defined by the camera [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
+            Pixels that are not finite, not positive or out of the camera's range have no measurement: +inf does not
+            mean free space here, because many programs use it for lost pixels.
+        sigma: Standard deviation of measured depth: a number [m], a model of `warpvis.sensors` with
+            `DepthSensor.depth_sigma`, or a function that takes depths [m], an array, and returns standard deviations
+            [m] of its shape.
+        threshold: Number of standard deviations up to which depths agree.
+        tolerance: Difference up to which depths agree in addition [m], for errors of the scene.
+        edge: Half the side of the window of expected depths, without its center [px], from 0 to 32.
+        complete: Whether space is known to be free where the scene has no surface: then depth there is
+            `Agreement.NEARER` instead of `Agreement.NO_SURFACE`.
+        object_poses: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
+        exclude: As for `Renderer.render`.
+        convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
+        threads: Number of CPU threads; all cores by default.
+
+    Returns:
+        The comparison; `DepthComparison.changes` returns its objects.
+    """
+    require_scene(scene)
+    scene.require_objects()
+    images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, scene.device)
+    count = len(images)
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+    worlds = parse_worlds(scene, count, object_poses, world_index, exclude)
+    criteria = _criteria(camera, threshold, tolerance, edge, complete)
+    sigmas = wp.array(_tabulate(sigma, camera), dtype=wp.float32, device=scene.device)
+    eye = replace(camera, near=0.0, far=math.inf)
+    renderer = Renderer(scene, eye, outputs=("depth", "segmentation"), threads=check_threads(threads))
+    if scene.device.is_cpu and quaternion == "xyzw":
+        warn_of_order(camera_to_world, convention)
+
+    def compare(without: Sequence[int]) -> dict[str, wp.array]:
+        """Compare the images with the scene without some objects."""
+        shown = worlds
+        if without:
+            flags = np.zeros((count, len(scene)), dtype=np.uint8)
+            if worlds.excluded is not None and worlds.excluded.size:
+                flags |= worlds.excluded.numpy()
+            flags[:, list(without)] = 1
+            shown = parse_worlds(scene, count, object_poses, world_index, flags)
+        views = renderer.render_parsed(poses, shown)
+        assert views.depth is not None and views.segmentation is not None  # for type checkers: they were requested
+        return {"expected": views.depth, "segmentation": views.segmentation} | _compare_images(
+            views.depth, images, criteria, sigmas, renderer.threads
+        )
+
+    result = compare(())
+
+    def evidence(without: Sequence[int]) -> Evidence:
+        """Return the images in host memory."""
+        arrays = compare(without) if without else result
+        host = {name: arrays[name].numpy() for name in ("labels", "expected", "segmentation")}
+        matrices = poses_to_matrices(poses.numpy().reshape(-1, 7))
+        return Evidence(scene, camera, matrices, images.numpy(), **host)
+
+    return DepthComparison(**result, _evidence=evidence)
+
+
+def _compare_images(
+    expected: wp.array, depth: wp.array, criteria: Any, sigmas: wp.array, threads: int
+) -> dict[str, wp.array]:
+    """Return labels and residuals of measured depth, given expected depth in the convention of REP 117."""
+    from warpvis.kernels.maps.compare_depth import compare_depth as kernel
+
+    results = empty_images(depth.shape, {"labels": wp.uint8, "residual": wp.float32}, depth.device)
+    launch_images(
+        kernel,
+        depth.shape,
+        lambda window: [window, criteria, sigmas, expected, depth, *results.values()],
+        device=depth.device,
+        threads=threads,
+    )
+    return results
+
+
+def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: object, complete: object) -> Any:
+    """Return checked criteria as a struct for the kernel."""
+    from warpvis.kernels.maps.compare_depth import Criteria
+
+    criteria = Criteria()
+    criteria.near, criteria.far = camera.near, camera.far
+    criteria.threshold = check_number(threshold, "threshold", minimum=0.0)
+    criteria.tolerance = check_length(tolerance, "tolerance")
+    criteria.edge = check_whole(edge, "edge", minimum=0)
+    if criteria.edge > _MAX_EDGE:
+        raise ArrayError(f"edge must be from 0 to {_MAX_EDGE} px, got {edge!r}")
+    empty = Agreement.NEARER if check_flag(complete, "complete") else Agreement.NO_SURFACE
+    criteria.empty = int(empty)
+    criteria.first_log, last = np.log(_KNOTS[[0, -1]]).tolist()
+    criteria.steps_per_log = (len(_KNOTS) - 1) / (last - criteria.first_log)
+    return criteria
+
+
+def _tabulate(sigma: Sigma, camera: ImageCamera) -> NDArray[np.float32]:
+    """Return the standard deviation [m] at the depths `_KNOTS`, constant beyond the camera's range."""
+    depths = np.clip(_KNOTS, max(camera.near, _KNOTS[0]), min(camera.far, _KNOTS[-1]))
+    if is_number(sigma):
+        number = check_length(sigma, "sigma", zero=False)
+        if number >= _MAX_SIGMA:
+            raise ArrayError(
+                f"sigma must be a standard deviation below {_MAX_SIGMA:g} m, got {number:g}; divide millimeters by 1000"
+            )
+        values = np.full_like(depths, number)
+    elif isinstance(sigma, DepthSensor):
+        values = sigma.depth_sigma(depths, camera)  # type: ignore[arg-type]  # `takes_lens` is that of `measure`
+    elif callable(sigma) and not isinstance(sigma, type):
+        values = as_numpy(sigma(depths.copy()), name="the result of sigma").astype(np.float64)
+    else:
+        raise ArrayError(f"sigma must be a number of meters, a model of warpvis.sensors or a function, got {sigma!r}")
+    if values.shape != depths.shape or not (values >= 0).all():
+        raise ArrayError(
+            f"sigma must return standard deviations from 0 m up, one for each of {len(depths)} depths, got shape "
+            f"{values.shape}"
+        )
+    return np.clip(values, *_SIGMA_LIMITS).astype(np.float32)
