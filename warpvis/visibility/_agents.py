@@ -203,12 +203,11 @@ class Agent:
         """Create a person looking along the camera's axis, with head and eyes still.
 
         The field of view is that of both eyes: 200 degrees wide, 60 degrees up and 75 down. Perimetry gives 102 to 110
-        degrees outwards for one eye (Lestak et al., Clinical Ophthalmology 15, 2021, 3241) and, limited by lids and
-        brow, 50 to 70 up and 70 to 80 down (the largest in Traquair, Clinical Perimetry, 1938); the CIE's vocabulary
-        (e-ILV, "field of vision") gives nearly 190 degrees for both eyes. The field of attention is a square 60 degrees
-        wide, the central field of perimetry, within 30 degrees of fixation. The distinction between seeing and
-        attending follows Marin-Urias et al., Toward Shared Attention through Geometric Reasoning for Human Robot
-        Interaction, Humanoids 2009.
+        degrees outwards for one eye (Lestak et al., Clinical Ophthalmology 15, 2021, 3241, doi:10.2147/OPTH.S321110),
+        60 up and 75 down (Piltz-Seymour, Tai, Smith and Drance, Visual Fields in Glaucoma). The field of attention is a
+        square 60 degrees wide, the central field of perimetry, within 30 degrees of fixation. The distinction between
+        seeing and attending follows Marin-Urias et al., Towards Shared Attention through Geometric Reasoning for Human
+        Robot Interaction, Humanoids 2009, doi:10.1109/ICHR.2009.5379555.
 
         Args:
             name: Name in reports.
@@ -350,18 +349,3 @@ class Situations:
             return None
         rows = np.array(self.object_poses.numpy(), dtype=np.float32)
         return rows if self.world_index is None else rows[self.world_index]
-
-    def move(self, points: NDArray[np.float64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return a point of each of K objects in each situation's world [m], ``(count, K, 3)`` or ``(1, K, 3)``.
-
-        Args:
-            points: Points in the frames of movable objects, or in the world [m], ``(K, 3)``.
-            columns: Index of the movable object that each object moves with; -1 if static, ``(K,)``.
-        """
-        if self.object_poses is None:
-            return points[None]
-        moved = columns >= 0
-        frames = poses_to_matrices(self.object_poses.numpy()[:, columns[moved]])
-        worlds = np.repeat(points[None], len(frames), axis=0)
-        worlds[:, moved] = (frames[..., :3, :3] @ points[moved, :, None])[..., 0] + frames[..., :3, 3]
-        return worlds if self.world_index is None else worlds[self.world_index]

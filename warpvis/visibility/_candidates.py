@@ -1,19 +1,19 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Objects that a person may refer to, and the evidence for each: gaze, pointing, and the previous frame."""
+"""Objects that a person may refer to, and the evidence for each: gaze, pointing, other people, and the last frame."""
 
 from __future__ import annotations
 
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_point
-from warpvis.core.checks import as_items, is_number
+from warpvis.core.checks import as_items, format_fraction, is_number
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
 from warpvis.visibility._extents import ObjectBoxes, VisibleParts
@@ -21,6 +21,7 @@ from warpvis.visibility._reference_model import (
     Floats,
     ReferenceModel,
     log_densities,
+    log_pursuit_densities,
     posterior_probabilities,
     prior_probabilities,
 )
@@ -41,7 +42,7 @@ class State(enum.IntEnum):
 
 @dataclass(frozen=True)
 class Candidate:
-    """An object that a person sees and may refer to."""
+    """An object that a person sees and may refer to; ``str`` gives its name and probability, ``cup 0.71``."""
 
     object: str
     """Name of the object."""
@@ -67,6 +68,9 @@ class Candidate:
     """Poses of the movable objects in the situation, rows ``x y z qx qy qz qw``, ``(M, 7)``; None if nothing is
     movable."""
 
+    def __str__(self) -> str:
+        return f"{self.object} {format_fraction(self.probability)}"
+
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
@@ -76,6 +80,20 @@ class Evidence:
     gaze_angles: Floats
     pointing_angles: Floats | None
     solid_angles: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """Whose candidates to compute, and which objects to include."""
+
+    person: int
+    """Index of the person."""
+    robot: int | None
+    """Index of the robot."""
+    chosen: NDArray[np.bool_]
+    """Whether each object may be a candidate if the person sees it, ``(K,)``."""
+    model: ReferenceModel
+    """Parameters of the probability."""
 
 
 def require_model(model: ReferenceModel | None) -> ReferenceModel:
@@ -129,14 +147,28 @@ def parse_previous(
         if elapsed is not None:
             raise ArrayError("elapsed must be given with previous, the candidates of the previous frame")
         return None, 0.0
-    items = as_items(previous, "previous", SceneError)
-    wrong = [type(item).__name__ for item in items if not isinstance(item, Candidate)]
-    if wrong:
-        raise SceneError(f"previous must be Candidate objects from Perspective.candidates, got {wrong[0]}")
+    before = _parse_candidates(previous, "previous")
     if not is_number(elapsed) or not 0 <= elapsed < math.inf:
         raise ArrayError(f"elapsed must be the seconds since previous, a number from 0 up, got {elapsed!r}")
-    before = {item.object: item.probability for item in items}
     return np.array([before.get(name, 0.0) for name in names]), float(elapsed)
+
+
+def parse_others(others: Sequence[Sequence[Candidate]], names: Sequence[str]) -> Floats:
+    """Return the probabilities that P other people attend to N named objects, ``(P, N)``."""
+    people = [_parse_candidates(one, "others") for one in as_items(others, "others", SceneError)]
+    return np.array([[one.get(name, 0.0) for name in names] for one in people]).reshape(len(people), len(names))
+
+
+def _parse_candidates(candidates: Sequence[Candidate], name: str) -> dict[str, float]:
+    """Return the probabilities of candidates by object name."""
+    expected = "Candidate objects" if name == "previous" else "a list of Candidate objects for each person"
+    if isinstance(candidates, Candidate | str):
+        raise SceneError(f"{name} must be {expected} from Perspective.candidates, got {type(candidates).__name__}")
+    items = as_items(candidates, name, SceneError)
+    wrong = [type(item).__name__ for item in items if not isinstance(item, Candidate)]
+    if wrong:
+        raise SceneError(f"{name} must be {expected} from Perspective.candidates, got {wrong[0]}")
+    return {item.object: item.probability for item in items}
 
 
 def weigh_candidates(
@@ -151,9 +183,14 @@ def weigh_candidates(
     object_poses: NDArray[np.float32] | None,
     gaze: ArrayInput | None,
     pointing: ArrayInput | None,
+    others: Floats,
     previous: tuple[Floats | None, float],
+    pursuit: Floats | None = None,
 ) -> Evidence:
-    """Return the probabilities of N candidates with indices `k`, and what they are computed from."""
+    """Return the probabilities of N candidates with indices `k`, and what they are computed from.
+
+    `pursuit` is the change of the gaze minus that of the direction to each candidate, ``(N, 3)``.
+    """
     eyes, axis = person.axis(view)
     direction, sigma = parse_gaze(gaze, axis, model)
     rays = parse_rays(pointing)
@@ -161,16 +198,17 @@ def weigh_candidates(
         return Evidence(*(np.empty(0),) * 4)
     seen = person.measure(k, view, direction)
     if seen is None:
-        angles, solid_angles = boxes.measure(k, object_poses, eyes, direction)
-        seen = angles, solid_angles * fractions
-    angles, solid_angles = seen
-    log_density = log_densities(model, angles, solid_angles, sigma)
+        seen = boxes.measure(k, object_poses, eyes, direction)
+        seen = replace(seen, solid_angles=seen.solid_angles * fractions)
+    log_density = log_densities(model, direction, seen, sigma)
     pointing_angles = None
     for ray in rays:
-        ray_angles, ray_solid_angles = boxes.measure(k, object_poses, ray[:3], ray[3:])
-        log_density += log_densities(model, ray_angles, ray_solid_angles, model.pointing_sigma)
-        pointing_angles = ray_angles if pointing_angles is None else np.minimum(pointing_angles, ray_angles)
-    prior = prior_probabilities(model, solid_angles, person_only)
+        extents = boxes.measure(k, object_poses, ray[:3], ray[3:])
+        log_density += log_densities(model, ray[3:], extents, model.pointing_sigma)
+        pointing_angles = extents.angles if pointing_angles is None else np.minimum(pointing_angles, extents.angles)
+    if pursuit is not None:
+        log_density += log_pursuit_densities(model, pursuit)
+    prior = prior_probabilities(model, seen.solid_angles, person_only, others)
     before, elapsed = previous
     probabilities = posterior_probabilities(model, prior, log_density, before, elapsed)
-    return Evidence(probabilities, angles, pointing_angles, solid_angles)
+    return Evidence(probabilities, seen.angles, pointing_angles, seen.solid_angles)

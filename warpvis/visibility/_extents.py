@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +16,7 @@ from warpvis.cameras.image_cameras import ImageCamera, as_pinhole
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
-from warpvis.visibility._reference_model import Floats, angles_to_quads, quad_solid_angles
+from warpvis.visibility._reference_model import Extents, Floats, angles_to_quads, quad_solid_angles
 
 # Faces of a box: indices of corners, whose bits are the upper bounds in x, y and z.
 _BOX_FACES = np.array([[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]])
@@ -43,9 +44,38 @@ class ObjectBoxes:
         """Return the boxes of no objects."""
         return cls(np.empty((0, 2, 3)), np.empty(0, dtype=np.int64))
 
+    def centers(self, object_poses: NDArray[np.float32] | None) -> Floats:
+        """Return the boxes' centers in each world [m], ``(W, K, 3)``.
+
+        Args:
+            object_poses: Poses of the movable objects, ``(W, M, 7)``; None if nothing is movable, for one world.
+        """
+        centers = self.bounds.mean(axis=1)
+        if object_poses is None:
+            return centers[None]
+        moved = self.columns >= 0
+        frames = poses_to_matrices(object_poses[:, self.columns[moved]].astype(np.float64))
+        worlds = np.repeat(centers[None], len(frames), axis=0)
+        worlds[:, moved] = (frames[..., :3, :3] @ centers[moved, :, None])[..., 0] + frames[..., :3, 3]
+        return worlds
+
+    def corners(self, k: NDArray[np.intp], object_poses: NDArray[np.float32] | None) -> Floats:
+        """Return the corners of boxes in the world [m], ``(N, 8, 3)``.
+
+        Args:
+            k: The objects, ``(N,)``.
+            object_poses: Poses of the movable objects, ``(M, 7)``; None if nothing is movable.
+        """
+        corners = self.bounds[k][:, _BITS, np.arange(3)]
+        if object_poses is not None:
+            moved = self.columns[k] >= 0
+            frames = poses_to_matrices(object_poses[self.columns[k][moved]].astype(np.float64))
+            corners[moved] = corners[moved] @ frames[:, :3, :3].swapaxes(1, 2) + frames[:, None, :3, 3]
+        return corners
+
     def measure(
         self, k: NDArray[np.intp], object_poses: NDArray[np.float32] | None, origin: Floats, direction: Floats
-    ) -> tuple[Floats, Floats]:
+    ) -> Extents:
         """Measure boxes from a point in the world.
 
         Args:
@@ -53,19 +83,16 @@ class ObjectBoxes:
             object_poses: Poses of the movable objects, ``(M, 7)``; None if nothing is movable.
             origin: The point [m], ``(3,)``.
             direction: Unit vector, ``(3,)``.
-
-        Returns:
-            Angles between the direction and the boxes' nearest directions [rad], 0 inside; solid angles [sr]: ``(N,)``.
         """
-        bounds = self.bounds[k]
-        corners = bounds[:, _BITS, np.arange(3)]
-        if object_poses is not None:
-            moved = self.columns[k] >= 0
-            frames = poses_to_matrices(object_poses[self.columns[k][moved]].astype(np.float64))
-            corners[moved] = corners[moved] @ frames[:, :3, :3].swapaxes(1, 2) + frames[:, None, :3, 3]
-        quads = (corners - origin)[:, _BOX_FACES]
+        corners = self.corners(k, object_poses) - origin
+        quads = corners[:, _BOX_FACES]
+        angles, faces = angles_to_quads(direction, quads).min(axis=1), quad_solid_angles(quads)
+        centers = _unit(corners.mean(axis=1), direction)
+        offsets = _unit(corners, direction) - centers[:, None]
+        # The variance of the ends of a line is three times that of its points.
+        covariances = offsets.swapaxes(1, 2) @ offsets / (8 * 3)
         # Front and back of a convex surface have the same solid angle.
-        return angles_to_quads(direction, quads).min(axis=1), quad_solid_angles(quads).sum(axis=1) / 2
+        return Extents(angles, faces.sum(axis=1) / 2, centers, covariances)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +121,8 @@ class VisibleParts:
         pose = poses_to_matrices(_row(self.poses, view)[None])[0]
         return pose[:3, 3], pose[:3, 2]
 
-    def measure(self, k: NDArray[np.intp], view: int, direction: Floats) -> tuple[Floats, Floats] | None:
-        """Measure the visible parts of objects in a situation.
+    def measure(self, k: NDArray[np.intp], view: int, direction: Floats) -> Extents | None:
+        """Measure the visible parts of objects in a situation, as the bounding rectangles of their visible pixels.
 
         Args:
             k: The objects, ``(N,)``.
@@ -103,10 +130,10 @@ class VisibleParts:
             direction: Unit vector in the world, ``(3,)``.
 
         Returns:
-            Angles between the direction and the nearest directions of the bounding rectangles of visible pixels [rad],
-            0 inside; solid angles of the visible parts [sr]: ``(N,)``. None if the agent's camera is no pinhole.
+            Extents of the rectangles, with the solid angles of the visible pixels; None if the agent's camera is no
+            pinhole.
         """
-        angles, solid_angles = np.full(len(k), np.pi), np.zeros(len(k))
+        found = []
         for (face, poses), boxes, pixels in zip(self.faces, self.boxes, self.pixels, strict=True):
             camera = as_pinhole(face)
             if camera is None:
@@ -119,9 +146,26 @@ class VisibleParts:
             rays = np.ones((len(k), 4, 3))
             rays[..., :2] = (corners - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
             quads = rays @ poses_to_matrices(_row(poses, view)[None])[0, :3, :3].T
-            angles = np.minimum(angles, angles_to_quads(direction, quads))
-            solid_angles += quad_solid_angles(quads) * counts / np.maximum(width * height, 1)
-        return angles, solid_angles
+            areas = quad_solid_angles(quads) * counts / np.maximum(width * height, 1)
+            found.append((angles_to_quads(direction, quads), areas, _unit(quads, direction)))
+        angles, areas, corners = map(np.stack, zip(*found, strict=True))
+        solid_angles = areas.sum(axis=0)
+        weights = (areas / np.where(solid_angles > 0, solid_angles, 1.0))[..., None]
+        middles = corners.mean(axis=2)
+        centers = _unit((weights * middles).sum(axis=0), direction)
+        a, b, c, d = np.moveaxis(corners, 2, 0)
+        # Points of a parallelogram with sides u and v have the covariance (u u^T + v v^T) / 12 around its center.
+        sides = np.stack([(b - a + c - d) / 2, (d - a + c - b) / 2], axis=2) / math.sqrt(12)
+        axes = np.concatenate([sides, (middles - centers)[:, :, None]], axis=2)
+        covariances = (weights[..., None] * (axes.swapaxes(2, 3) @ axes)).sum(axis=0)
+        return Extents(angles.min(axis=0), solid_angles, centers, covariances)
+
+
+def _unit(vectors: Floats, default: Floats) -> Floats:
+    """Return vectors scaled to length 1, ``(..., 3)``; `default` for vectors of length 0 and NaN."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    is_valid = lengths > 0
+    return np.where(is_valid, vectors / np.where(is_valid, lengths, 1.0), default)
 
 
 def _row(values: NDArray[Any], view: int) -> NDArray[Any]:

@@ -72,7 +72,7 @@ def perspective(
 
     sums, occluders, attended, angles, parts = [], [], [], [], []
     boxes = ObjectBoxes.of(scene, indices)
-    centers = situations.move(boxes.bounds.mean(axis=1), boxes.columns)
+    centers = boxes.centers(situations.rows())
     for agent in agents:
         counts, occluder, part = measurement.measure(agent)
         parts.append(part)

@@ -18,13 +18,16 @@ from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
 from warpvis.visibility._candidates import (
     Candidate,
+    Query,
     State,
+    parse_others,
     parse_previous,
     require_model,
     weigh_candidates,
 )
 from warpvis.visibility._extents import ObjectBoxes, VisibleParts
 from warpvis.visibility._reference_model import ReferenceModel
+from warpvis.visibility._tracking import Sequences
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +119,7 @@ class Perspective:
         exclude: Sequence[str] = (),
         gaze: ArrayInput | None = None,
         pointing: ArrayInput | None = None,
+        others: Sequence[Sequence[Candidate]] = (),
         previous: Sequence[Candidate] | None = None,
         elapsed: float | None = None,
         model: ReferenceModel | None = None,
@@ -136,6 +140,8 @@ class Perspective:
                 head's direction is known, the axis of the person's pose.
             pointing: Rays along the person's fingers or forearms, ``x y z dx dy dz`` in the world [m], ``(6,)`` or
                 ``(R, 6)``. Rays are treated as independent: pass one for each arm that points.
+            others: Candidates of each of the other people, whose attention the person may share; see
+                `ReferenceModel.joint_attention`. Compute them without `others`, or evidence counts twice.
             previous: Candidates of the previous frame, whose probabilities are updated. They may come from another
                 `Perspective`: objects are matched by name.
             elapsed: Time since `previous` [s].
@@ -144,46 +150,131 @@ class Perspective:
         Raises:
             ArrayError: If `gaze` is outside the range of the eyes, `ReferenceModel.max_eye_angle`.
         """
-        person, view, model = self._agent(human), self._view(view), require_model(model)
+        query = self._query(human, robot, labels, exclude, model)
+        return self._candidates(query, self._view(view), gaze, pointing, others, previous, elapsed)
+
+    def track(
+        self,
+        human: str,
+        robot: str | None = None,
+        *,
+        times: ArrayInput,
+        labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+        exclude: Sequence[str] = (),
+        gaze: ArrayInput | None = None,
+        pointing: ArrayInput | None = None,
+        others: Sequence[Sequence[Sequence[Candidate]]] = (),
+        model: ReferenceModel | None = None,
+    ) -> list[list[Candidate]]:
+        """Return the `candidates` of every situation, each updated from the one before, for the frames of a sequence.
+
+        Dwelling on an object makes it likelier from frame to frame. Following a moving object with the eyes does, too:
+        unlike a loop over `candidates`, this compares the motion of the gaze with that of the objects.
+
+        Args:
+            human: Name of the person.
+            robot: Name of a robot; see `candidates`.
+            times: Time of each situation [s], not decreasing, ``(V,)``.
+            labels: See `candidates`.
+            exclude: See `candidates`.
+            gaze: Direction in which the eyes look in each situation, ``(V, 3)``; NaN where it is unknown.
+            pointing: Rays in each situation, ``(V, 6)`` or ``(V, R, 6)``; NaN for a ray that is missing.
+            others: Results of `track` for each of the other people, without `others`.
+            model: See `candidates`.
+        """
+        query = self._query(human, robot, labels, exclude, model)
+        frames = Sequences.parse(len(self), times, gaze, pointing, others)
+        eyes = self._parts[query.person].poses[:, None, :3]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            offsets = self._boxes.centers(self.object_poses) - eyes
+            directions = offsets / np.linalg.norm(offsets, axis=2, keepdims=True)
+        directions = np.broadcast_to(directions, (len(self), len(self.objects), 3))
+        pursuit = frames.pursuit(directions, query.model.fixation)
+        results: list[list[Candidate]] = []
+        for view in range(len(self)):
+            elapsed = float(frames.times[view] - frames.times[view - 1]) if view else None
+            results.append(
+                self._candidates(
+                    query,
+                    view,
+                    frames.gaze_at(view),
+                    frames.rays_at(view),
+                    frames.others_at(view),
+                    results[-1] if view else None,
+                    elapsed,
+                    None if pursuit is None else pursuit[view],
+                )
+            )
+        return results
+
+    def _query(
+        self,
+        human: str,
+        robot: str | None,
+        labels: Sequence[Label | int | str] | None,
+        exclude: Sequence[str],
+        model: ReferenceModel | None,
+    ) -> Query:
+        """Parse arguments of `candidates`."""
+        person, model = self._agent(human), require_model(model)
         included = set(self.labels) if labels is None else self.label_names.numbers(labels)
         excluded = as_items(exclude, "exclude", SceneError)
         unknown = [name for name in excluded if not isinstance(name, str) or name not in self.scene_objects]
         if unknown:
             raise SceneError(f"exclude must be names of objects of the scene, got {unknown[0]!r}")
-        robot_index = None if robot is None else self._agent(robot)
-        states = None if robot is None else self.states(robot, human)[view]
-        chosen = [self.labels[k] in included and name not in excluded for k, name in enumerate(self.objects)]
-        found = np.flatnonzero(self.visible[person, view] & ~self.body[person] & chosen)
+        chosen = [
+            label in included and name not in excluded for label, name in zip(self.labels, self.objects, strict=True)
+        ]
+        return Query(person, None if robot is None else self._agent(robot), ~self.body[person] & chosen, model)
+
+    def _candidates(
+        self,
+        query: Query,
+        view: int,
+        gaze: ArrayInput | None,
+        pointing: ArrayInput | None,
+        others: Sequence[Sequence[Candidate]],
+        previous: Sequence[Candidate] | None,
+        elapsed: float | None,
+        pursuit: NDArray[np.float64] | None = None,
+    ) -> list[Candidate]:
+        """Return the candidates of one situation."""
+        person, robot = query.person, query.robot
+        found = np.flatnonzero(self.visible[person, view] & query.chosen)
+        names = [self.objects[k] for k in found]
         fractions = self.fraction[person, view, found].astype(np.float64)
+        seen_by_robot = None if robot is None else self.visible[robot, view, found]
+        object_poses = self.objects_at(view)
         evidence = weigh_candidates(
-            model,
+            query.model,
             self._parts[person],
             self._boxes,
             found,
             view,
             fractions=fractions,
-            person_only=np.zeros(len(found), dtype=bool) if states is None else states[found] == State.SECOND,
-            object_poses=self.objects_at(view),
+            person_only=np.zeros(len(found), dtype=bool) if seen_by_robot is None else ~seen_by_robot,
+            object_poses=object_poses,
             gaze=gaze,
             pointing=pointing,
-            previous=parse_previous(previous, elapsed, [self.objects[k] for k in found]),
+            others=parse_others(others, names),
+            previous=parse_previous(previous, elapsed, names),
+            pursuit=None if pursuit is None or np.isnan(pursuit[found]).any() else pursuit[found],
         )
         angles = evidence.pointing_angles
         return [
             Candidate(
-                object=self.objects[k],
+                object=names[n],
                 probability=float(evidence.probabilities[n]),
                 fraction=float(fractions[n]),
                 gaze_angle=float(evidence.gaze_angles[n]),
                 pointing_angle=None if angles is None else float(angles[n]),
                 solid_angle=float(evidence.solid_angles[n]),
-                attended=bool(self.attended[person, view, k]),
-                state=None if states is None else State(states[k]),
-                robot_fraction=None if robot_index is None else float(self.fraction[robot_index, view, k]),
-                object_poses=self.objects_at(view),
+                attended=bool(self.attended[person, view, found[n]]),
+                state=None if seen_by_robot is None else State.BOTH if seen_by_robot[n] else State.SECOND,
+                robot_fraction=None if robot is None else float(self.fraction[robot, view, found[n]]),
+                object_poses=object_poses,
             )
             for n in np.argsort(-evidence.probabilities, kind="stable")
-            for k in [found[n]]
         ]
 
     def to_see(
@@ -193,13 +284,18 @@ class Perspective:
         *,
         view: int = 0,
         labels: Sequence[Label | int | str] | None = (Label.OBJECT,),
+        gaze: ArrayInput | None = None,
+        pointing: ArrayInput | None = None,
+        model: ReferenceModel | None = None,
     ) -> list[str]:
-        """Return the names of the objects that the person sees and the robot does not, in the order of `candidates`.
+        """Return the names of the objects that the person sees and the robot does not, most likely first.
 
         The person may refer to one of them, and the robot must move to see it. The robot's own body is not included.
+        See `candidates` for `gaze`, `pointing` and `model`.
         """
         own_body = [name for name, is_own in zip(self.objects, self.body[self._agent(robot)], strict=True) if is_own]
-        found = self.candidates(human, robot, view=view, labels=labels, exclude=own_body)
+        evidence: dict[str, Any] = {"gaze": gaze, "pointing": pointing, "model": model}
+        found = self.candidates(human, robot, view=view, labels=labels, exclude=own_body, **evidence)
         return [item.object for item in found if item.state == State.SECOND]
 
     def objects_at(self, view: int) -> NDArray[np.float32] | None:
