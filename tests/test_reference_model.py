@@ -169,6 +169,17 @@ def test_people_look_at_the_center_of_large_objects():
     assert half[0].gaze_angle == 0 and half[0].object == "cabinet"
 
 
+def test_given_the_gaze_the_head_does_not_matter():
+    """Objects move from image to image of the field of view, and across the borders between images."""
+    things = [*CUP_AND_BOOK, ("cabinet", trimesh.creation.box((0.3, 0.8, 0.6)), at(-20, 1.5))]
+    expected = None
+    for degrees in (0, 12, 24, 33, 45, -40):
+        eyes = wv.look_at((0, 0, 0), at(degrees))
+        found = chances(see(things, eyes, resolution=400).candidates("human", gaze=at(5)))
+        assert found == pytest.approx(expected or found, abs=0.015)
+        expected = expected or found
+
+
 def test_two_identical_cups_are_equally_likely():
     found = see([("left", CUP, at(-7)), ("right", CUP, at(7))]).candidates("human")
     assert [item.probability for item in found] == pytest.approx([0.5, 0.5], abs=0.01)
