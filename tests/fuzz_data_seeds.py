@@ -275,7 +275,8 @@ def depth_images(root: Path) -> Iterator[Item]:
     depth = np.random.default_rng(0).uniform(0.5, 4, (6, 8))
     save_depth_png(depth, root / "depth.png")
     files = {"a.png": (root / "depth.png").read_bytes(), "a.npy": _npy(depth.astype(np.float32))}
-    files["b.npy"] = _npy((depth * 1000).astype(np.uint16))
+    units = (depth * 1000).astype(np.uint16)
+    files |= {"b.npy": _npy(units), "a.pgm": b"P5\n8 6\n65535\n" + units.astype(">u2").tobytes()}
     for name, data in files.items():
         yield "depth images", {name: data}, (), lambda folder, name=name: read_depth(folder / name)
 

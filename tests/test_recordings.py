@@ -254,6 +254,35 @@ def test_float_images(tmp_path, suffix):
     np.testing.assert_allclose(got[1:], depth[1:], rtol=1e-6)
 
 
+@pytest.mark.parametrize("maximum", [65535, 10000])
+def test_pgm(tmp_path, maximum):
+    """Pixels are as stored, high byte first, also with a lower maximum."""
+    units = np.rint(1000 * room_depth(rays(K_SMALL, *SMALL), poses([0])[0])).astype(np.uint16)
+    units[0, :2] = 0, maximum
+    header = f"P5\n# a depth image\n64 48\n# of a Kinect\n{maximum}\n".encode()
+    (tmp_path / "0.pgm").write_bytes(header + units.astype(">u2").tobytes())
+    got = wv.open_recording(tmp_path, camera=CAMERA)[0].depth
+    expected = units / 1000
+    expected[0, 0] = np.nan
+    expected[0, 1] = np.nan if maximum == 65535 else 10.0
+    np.testing.assert_allclose(got, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("data", "expected"),
+    [
+        (b"P2\n2 2\n65535\n1 2 3 4\n", "not a binary PGM image (P5)"),
+        (b"P5\n2 2\n255\n1234", "expected a gray PGM of 16 bits, got a maximum of 255"),
+        (b"P5\n2 2\n65535\n1234567", "a PGM image of 2 x 2 pixels has 7 bytes"),
+        (b"P5\n0 2\n65535\n1234567", "a PGM image of 0 x 2 pixels has 7 bytes"),
+    ],
+)
+def test_damaged_pgm(tmp_path, data, expected):
+    path = tmp_path / "0.pgm"
+    path.write_bytes(data)
+    assert refusal(lambda: wv.io.read_depth(path)) == f"{path}: {expected}"
+
+
 def test_unit_of_integers(tmp_path):
     write_frames(tmp_path, K_SMALL, SMALL, units=4000)
     assert_room_of = wv.open_recording(tmp_path, camera=CAMERA, unit=1 / 4000)

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Single depth images: PNG and TIFF of 16 bits in millimeters or other units, float TIFF, and NumPy files."""
+"""Single depth images: PNG, TIFF and PGM of 16 bits in millimeters or other units, float TIFF, and NumPy files."""
 
 from __future__ import annotations
 
 import os
+import re
 import struct
 import zlib
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_number, describe_exception
-from warpvis.core.file_content import require_content, writing
+from warpvis.core.file_content import reading, require_content, writing
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._files import read_array
@@ -29,6 +30,10 @@ NO_DEPTH_UINT16 = 65_535
 # of a room or of 60 balls. Level 6 takes four times as long for about a fifth less.
 _UP = 2
 _LEVEL = 1
+
+_PGM_HEADER = re.compile(
+    rb"P5(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", re.ASCII
+)
 
 DEPTH_SUFFIXES = (".png", ".npy")
 """File name suffixes that `read_depth` supports."""
@@ -159,8 +164,8 @@ def read_depth(path: str | os.PathLike[str], *, unit: float = 0.001) -> NDArray[
     """Read one depth image.
 
     Args:
-        path: A grayscale PNG or TIFF of 16 bits, a float TIFF, or a NumPy array, shape ``(H, W)``: integers are units,
-            floats meters.
+        path: A grayscale PNG, TIFF or PGM of 16 bits, a float TIFF, or a NumPy array, shape ``(H, W)``: integers are
+            units, floats meters.
         unit: Length of one unit [m].
 
     Returns:
@@ -205,7 +210,29 @@ def _read(path: Path) -> NDArray:
     require_content(path, "a depth image", images=False)
     if path.suffix.lower() == ".npy":
         return read_array(path)
+    if path.suffix.lower() == ".pgm":
+        return _read_pgm(path)
     return decode_units(path, "TIFF" if path.suffix.lower() in (".tif", ".tiff") else "PNG", path)
+
+
+def _read_pgm(path: Path) -> NDArray[np.uint16]:
+    """Read a binary PGM of 16 bits, which Pillow scales to 65535 if its maximum is lower.
+
+    Source: https://netpbm.sourceforge.net/doc/pgm.html
+    """
+    with reading(path, "a PGM image"):
+        data = path.read_bytes()
+    header = _PGM_HEADER.match(data)
+    if header is None:
+        raise FileFormatError(f"{path}: not a binary PGM image (P5)")
+    width, height, maximum = map(int, header.groups())
+    if not 255 < maximum < 65536:
+        raise FileFormatError(f"{path}: expected a gray PGM of 16 bits, got a maximum of {maximum}")
+    stored = len(data) - header.end()
+    if not width * height or stored < 2 * width * height:
+        raise FileFormatError(f"{path}: a PGM image of {width} x {height} pixels has {stored} bytes")
+    pixels = np.frombuffer(data, ">u2", width * height, header.end())
+    return pixels.astype(np.uint16).reshape(height, width)
 
 
 def decode_units(source: Path | BinaryIO, kind: str, place: object) -> NDArray[Any]:

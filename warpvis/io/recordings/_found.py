@@ -24,7 +24,7 @@ from warpvis.io._files import read_array
 from warpvis.io.cameras._making import image_size
 from warpvis.io.recordings._recording import FrameReader
 
-_DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
+_DEPTH_SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".npy")
 _COLOR_SUFFIXES = (".png", ".jpg", ".jpeg", ".ppm", ".bmp")
 MILLIMETERS = 0.001
 """Length of one unit of depth images, if not defined by a format [m]."""

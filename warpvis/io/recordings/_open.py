@@ -52,7 +52,7 @@ def open_recording(
     - ``scannet``: exported ScanNet, ``depth``, ``color``, ``pose`` and ``intrinsic``, in millimeters.
     - ``redwood``: Redwood and Open3D, ``depth``, ``color`` or ``image``, and a trajectory ``.log``, in millimeters.
     - ``images``: a folder of depth images, or with a folder ``depth``, and optionally ``color`` (``rgb``, ``image``):
-      PNG or TIFF of 16 bits in millimeters, float TIFF or ``.npy`` in meters.
+      PNG, TIFF or PGM of 16 bits in millimeters, float TIFF or ``.npy`` in meters.
     - ``ros``: a ROS 1 bag, ``.bag``, a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file, or a recording of the
       RealSense SDK: Image of 16UC1, 32FC1 or mono16, or compressedDepth (PNG or RVL). The camera is the CameraInfo
       beside the images, with its lens for raw images; poses are those of tf, interpolated between transforms within
