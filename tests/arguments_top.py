@@ -331,6 +331,7 @@ def top_cases(folder):
                 "poses": folder / "walk.txt",
                 "topic": None,
                 "world_frame": None,
+                "episode": None,
             },
         ),
         "perspective": (

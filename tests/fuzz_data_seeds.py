@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 from collections.abc import Callable, Iterator
@@ -318,14 +319,34 @@ def recordings(root: Path) -> Iterator[Item]:
             if file.is_file()
         }
         yield f"recording, bag ({kind})", files, (), _recording_reader(path.name)
+    yield from _lerobot_recordings(root / "recordings")
 
 
-def _recording_reader(name: str) -> Callable[[Path], None]:
+def _lerobot_recordings(root: Path) -> Iterator[Item]:
+    try:
+        from support.recording_lerobot import depth_at, write_dataset, write_tiff, write_video_dataset
+    except ImportError:
+        return
+    feature = {"dtype": "image", "info": {"is_depth_map": True}}
+    write_dataset(root / "tiff", feature, lambda *item: write_tiff(depth_at(*item).astype(np.float32)), (2,))
+    with contextlib.suppress(ImportError):
+        import av  # noqa: F401
+
+        write_video_dataset(root / "video", (2,))
+    for name in ("tiff", "video"):
+        folder = root / name
+        files = {path.relative_to(root).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        if files:
+            yield f"recording, LeRobot ({name})", files, (), _recording_reader(name, has_camera=False)
+
+
+def _recording_reader(name: str, *, has_camera: bool = True) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         recording = wv.open_recording(folder / name, camera=wv.Camera.from_fov(64, 48, hfov=1.0))
         for frame in recording[:_MAX_FRAMES]:
             all_of(lambda frame=frame: frame.depth, lambda frame=frame: frame.color)
-        wv.open_recording(folder / name)
+        if has_camera:
+            wv.open_recording(folder / name)
 
     return read
 

@@ -367,9 +367,9 @@ def test_bad_files(tmp_path):
     message = refusal(lambda: wv.open_recording(tmp_path, file_format="ros"))
     assert message == f"{tmp_path}: is a folder without metadata.yaml, so it is not a ROS 2 bag"
     (tmp_path / "folder").mkdir()
-    for name in ("topic", "world_frame"):
+    for name, kinds in (("topic", "bags and LeRobot datasets"), ("world_frame", "bags")):
         message = refusal(lambda name=name: wv.open_recording(tmp_path / "folder", **{name: "/a"}))
-        assert message == f"{tmp_path / 'folder'}: {name}= is for bags, which this is not"
+        assert message == f"{tmp_path / 'folder'}: {name}= is for {kinds}, which this is not"
     recording = wv.open_recording(path)
     file.write_bytes(data[:200])
     copy = pickle.loads(pickle.dumps(recording))

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
-from warpvis.core.checks import as_path, check_choice, check_number, check_text
+from warpvis.core.checks import as_path, check_choice, check_number, check_text, check_whole
 from warpvis.core.types import Json
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io.recordings._bag_files import BAG_SUFFIXES, is_bag
@@ -27,9 +27,17 @@ from warpvis.io.recordings._datasets import (
 )
 from warpvis.io.recordings._found import Found
 from warpvis.io.recordings._images import join_poses, read_images
+from warpvis.io.recordings._lerobot import is_lerobot, read_lerobot
 from warpvis.io.recordings._recording import Recording
 
-RecordingFormat = Literal["tum", "icl", "7scenes", "scannet", "redwood", "images", "ros"]
+RecordingFormat = Literal["tum", "icl", "7scenes", "scannet", "redwood", "images", "ros", "lerobot"]
+
+# Formats of options that are for these only, and their name in a message.
+_OPTIONS = {
+    "topic": (("ros", "lerobot"), "bags and LeRobot datasets"),
+    "world_frame": (("ros",), "bags"),
+    "episode": (("lerobot",), "LeRobot datasets"),
+}
 
 
 def open_recording(
@@ -41,6 +49,7 @@ def open_recording(
     poses: str | os.PathLike[str] | None = None,
     topic: str | None = None,
     world_frame: str | None = None,
+    episode: int | None = None,
 ) -> Recording:
     """Open a recording of a depth camera. Images are read when they are accessed.
 
@@ -57,6 +66,8 @@ def open_recording(
       RealSense SDK: Image of 16UC1, 32FC1 or mono16, or compressedDepth (PNG or RVL). The camera is the CameraInfo
       beside the images, with its lens for raw images; poses are those of tf, interpolated between transforms within
       1 s. Color images are those with the same frame.
+    - ``lerobot``: an episode of a LeRobot dataset v3, a video of 12 bits or TIFF. Depth that the video's quantization
+      clips, by default below 0.01 m and above 10 m, is NaN. The camera is not in the dataset: pass it.
 
     Depth is NaN where a file has 0, NaN or an infinity, or 65535 in 16 bits. Images and poses with times are joined
     within 0.02 s; poses are interpolated between those before and after an image. ``images`` are joined with poses of
@@ -70,10 +81,12 @@ def open_recording(
         poses: A file of poses of any format of `read_frames`, or a ``.log`` of Redwood. By default those of the format;
             for ``images`` a file ``groundtruth.txt``, ``trajectory.txt``, ``poses.txt``, ``transforms.json``, or
             COLMAP's ``images.txt`` or ``images.bin`` in the folder, if there is one.
-        topic: The topic of the depth images of a bag; not needed if only one topic has depth images.
+        topic: The topic of the depth images of a bag, or their feature in a LeRobot dataset; not needed if there is
+            only one.
         world_frame: The tf frame that is the world of a bag's poses, by default the root of the tree. Without it, no
             pose is known if all transforms to the root are static, unless that is ``world``, ``map``, ``odom`` or
             ``earth``.
+        episode: Index of the episode of a LeRobot dataset; not needed if there is only one.
 
     Returns:
         The recording; frames without a pose have NaN.
@@ -93,20 +106,21 @@ def open_recording(
     pose_file = None if poses is None else as_path(poses, "poses")
     if pose_file is not None and pose_file.is_dir() and not (pose_file / "metadata.yaml").is_file():
         raise FileFormatError(f"{pose_file}: must be a file of poses, got a folder")
+    for name, text in (("topic", topic), ("world_frame", world_frame)):
+        if text is not None:
+            check_text(text, name, FileFormatError)
+    if episode is not None:
+        check_whole(episode, "episode", minimum=0, error=FileFormatError)
     if not path.exists():
         raise FileFormatError(f"{path}: no such file or folder")
     kind = file_format or ("ros" if is_bag(path) else "images" if path.is_file() else _detect(path))
     if kind != "ros" and not path.is_dir():
         raise FileFormatError(f"{path}: must be the folder of a recording, or a bag ({', '.join(BAG_SUFFIXES)})")
-    given = {name: value for name, value in (("topic", topic), ("world_frame", world_frame)) if value is not None}
-    for name, value in given.items():
-        check_text(value, name, FileFormatError)
-        if kind != "ros":
-            raise FileFormatError(f"{path}: {name}= is for bags, which this is not")
-    if kind == "ros":
-        found: Found = read_bag_images(path, topic, world_frame)
-    else:
-        found = _read(path, kind, pose_file, chosen=file_format is not None)
+    for name, value in (("topic", topic), ("world_frame", world_frame), ("episode", episode)):
+        kinds, described = _OPTIONS[name]
+        if value is not None and kind not in kinds:
+            raise FileFormatError(f"{path}: {name}= is for {described}, which this is not")
+    found = _read(path, kind, pose_file, topic, world_frame, episode, chosen=file_format is not None)
     if pose_file is not None and kind != "images":
         found = join_poses(found, pose_file)
     if camera is None and found.camera is None:
@@ -122,6 +136,8 @@ def open_recording(
 
 def _detect(path: Path) -> RecordingFormat:
     """Return the format of a folder by the files in it."""
+    if is_lerobot(path):
+        return "lerobot"
     if any(path.glob("*.gt.freiburg")) and (path / "associations.txt").is_file():
         return "icl"
     if (path / "depth.txt").is_file():
@@ -135,7 +151,20 @@ def _detect(path: Path) -> RecordingFormat:
     return "images"
 
 
-def _read(path: Path, kind: RecordingFormat, poses: Path | None, *, chosen: bool) -> Found:
+def _read(
+    path: Path,
+    kind: RecordingFormat,
+    poses: Path | None,
+    topic: str | None,
+    world_frame: str | None,
+    episode: int | None,
+    *,
+    chosen: bool,
+) -> Found:
+    if kind == "ros":
+        return read_bag_images(path, topic, world_frame)
+    if kind == "lerobot":
+        return read_lerobot(path, topic, episode)
     if kind == "images":
         return read_images(path, poses)
     if kind == "7scenes":
