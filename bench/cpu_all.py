@@ -82,6 +82,30 @@ def _classify() -> Contest:
     return Contest(images.classify(), {"NumPy": [partial(classify_by_numpy, *inputs)]}, CoreTimer(), same)
 
 
+def label_floor_by_numpy(depth: NDArray, camera: wv.Camera, poses: NDArray) -> NDArray[np.uint8]:
+    """Label pixels like `wv.classify` without spheres, by heights only, with few passes over memory."""
+    u = ((np.arange(camera.width) + 0.5 - camera.cx) / camera.fx).astype(np.float32)
+    v = ((np.arange(camera.height) + 0.5 - camera.cy) / camera.fy).astype(np.float32)
+    labels, heights = np.empty(depth.shape, dtype=np.uint8), np.empty(depth.shape[1:], dtype=np.float32)
+    for image, matrix, out in zip(depth, poses_to_matrices(poses).astype(np.float32), labels, strict=True):
+        np.add(u * matrix[2, 0], (v * matrix[2, 1] + matrix[2, 2])[:, None], out=heights)
+        heights *= image
+        np.subtract(np.uint8(wv.Label.OBSTACLE), heights < 0.01 - matrix[2, 3], out=out)
+        out *= (image >= camera.near) & (image <= camera.far)
+    return labels
+
+
+def _label_floor() -> Contest:
+    """Set up 30 VGA images of a floor and holes, as a measuring camera takes them."""
+    random, camera = np.random.default_rng(0), wv.Camera(640, 480, 525, 525, 320, 240, near=0.3, far=8.0)
+    depth = random.uniform(0.5, 6.0, (30, 480, 640)).astype(np.float32)
+    depth[random.random(depth.shape) < 0.2] = 0.0
+    poses = np.stack([wv.look_at((0, 0, 1.2), (np.cos(a), np.sin(a), 0.7)) for a in np.linspace(0, 6, 30)])
+    same = float(np.mean(label_floor_by_numpy(depth, camera, poses) == wv.classify(depth, camera, poses).numpy()))
+    ours, peer = (partial(function, depth, camera, poses) for function in (wv.classify, label_floor_by_numpy))
+    return Contest(ours, {"NumPy": [peer]}, CoreTimer(), same)
+
+
 def _lidar() -> Contest:
     """Set up a scan of a world of moving robots, and `mj_multiRay` on one core as its peer."""
     model = mujoco.MjModel.from_xml_string(moving_robots_xml())
@@ -126,6 +150,7 @@ def _workloads() -> Iterator[Workload]:
     for name in _SHARED:
         yield shared[name]
     yield Workload("classify NumPy", _classify)
+    yield Workload("labels of 30 VGA images NumPy", _label_floor)
     yield Workload("lidar mj_multiRay", _lidar)
     for title, prepare in (("Open3D", peers.open3d), ("embreex", peers.embreex), ("Mitsuba", peers.mitsuba)):
         yield Workload(f"room-320 {title}", partial(_peer, title, prepare, (320, 240), _VIEWS))

@@ -58,13 +58,24 @@ def classify_depth(
     sigma: float = 0.01,
     ground_height: float = 0.0,
     up: int = 2,
+    plane: tuple[float, float, float, float] | None = None,
+    noise: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    below_label: int = Label.GROUND,
     max_range: float | None = None,
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64], NDArray[np.float64]]:
-    """Return labels, spheres, and the margin of each pixel to another label [m]."""
+    """Return labels, spheres, and the margin of each pixel to another label [m].
+
+    `noise` has the coefficients of the tolerance's growth, with the factor.
+    """
     valid = _has_depth(depth, camera.far if max_range is None else max_range, camera.near)
     points = _points(camera, pose, np.where(valid, depth, np.nan))
-    height = points[..., up] - ground_height
-    margin = np.abs(height - sigma)
+    normal = np.eye(3)[up] if plane is None else np.array(plane[:3]) / np.linalg.norm(plane[:3])
+    offset = -ground_height if plane is None else plane[3] / np.linalg.norm(plane[:3])
+    height = points @ normal + offset
+    slope = pixel_rays(camera) @ poses_to_matrices(np.asarray(pose, dtype=np.float32))[:3, :3].T @ normal
+    with np.errstate(invalid="ignore"):
+        tolerance = sigma + np.abs(slope) * np.polynomial.Polynomial(noise)(np.asarray(depth, dtype=np.float64))
+    margin = np.minimum(np.abs(height - tolerance), np.abs(height + tolerance))
     ratio = np.full((len(spheres) + 1, *depth.shape), np.inf)
     ratio[-1] = 1.0  # outside all spheres
     for i, sphere in enumerate(spheres):
@@ -74,10 +85,10 @@ def classify_depth(
     sphere = np.argmin(np.where(np.isnan(ratio), np.inf, ratio), axis=0)
     sphere = np.where(sphere == len(spheres), -1, sphere)
     with np.errstate(invalid="ignore"):
-        ground = height < sigma
+        ground, below = height < tolerance, height < -tolerance
     sphere = np.where(valid & ~ground, sphere, -1)
     label_of = np.array([*(item.label for item in spheres), Label.OBSTACLE])
-    labels = np.where(ground, Label.GROUND, label_of[sphere])
+    labels = np.where(below, below_label, np.where(ground, Label.GROUND, label_of[sphere]))
     return np.where(valid, labels, Label.EMPTY).astype(np.uint8), sphere, np.where(valid, margin, np.inf)
 
 

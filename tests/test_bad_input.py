@@ -262,6 +262,19 @@ CASES = {
         "ground_tolerance must be a number of meters from 0 up, got -1",
     ),
     "NaN ground": (lambda: wv.classify(DEPTH, KINECT, POSE, ground_height=np.nan), "ground_height must be a finite"),
+    "floor of three": (lambda: wv.classify(DEPTH, KINECT, POSE, floor=[0, 0, 1]), "floor must be a FloorFit or four"),
+    "floor without normal": (lambda: wv.classify(DEPTH, KINECT, POSE, floor=[0, 0, 0, 1]), "normal a b c that is not"),
+    "floor and height": (
+        lambda: wv.classify(DEPTH, KINECT, POSE, floor=[0, 0, 1, 0], ground_height=1.0),
+        'up and ground_height must be "z" and 0 if floor is given',
+    ),
+    "noise of a word": (lambda: wv.classify(DEPTH, KINECT, POSE, sigma="d435"), "sigma must be a number of meters, a"),
+    "noise with a step": (
+        lambda: wv.classify(DEPTH, KINECT, POSE, sigma=lambda z: np.where(z > 2, 0.1, 0.001)),
+        "sigma must be close to a quadratic polynomial of depth from 0.3 to 4.5 m",
+    ),
+    "negative threshold": (lambda: wv.classify(DEPTH, KINECT, POSE, threshold=-1), "threshold must be"),
+    "label below of no class": (lambda: wv.classify(DEPTH, KINECT, POSE, below_label=256), "label must be one of"),
     "negative range": (
         lambda: wv.classify(DEPTH, KINECT, POSE, max_range=-1),
         "max_range must be a number of meters from 0 up",

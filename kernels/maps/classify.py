@@ -34,11 +34,40 @@ class Spheres:
 
 @wp.struct
 class Ground:
-    """The floor: a range of heights along the world's vertical axis."""
+    """The floor: a plane, and the heights of points that belong to it."""
 
-    up: int
+    axis: int
+    """The world axis to which the plane is perpendicular, or -1."""
+    normal: wp.vec3d
+    offset: wp.float64
     height: float
-    sigma: float
+    """Height of the floor above the plane [m]."""
+    tolerance: float
+    growth: wp.vec3
+    """Coefficients of 1, depth and its square in the tolerance along the ray [m]."""
+    below_label: wp.uint8
+
+
+@wp.func
+def height_above(ground: Ground, point: wp.vec3) -> float:
+    """Return the height of a point above the floor."""
+    height = float(0.0)
+    if ground.axis >= 0:
+        height = point[ground.axis]
+    else:
+        height = float(wp.dot(ground.normal, wp.vec3d(point)) + ground.offset)
+    return height - ground.height
+
+
+@wp.func
+def tolerance_at(ground: Ground, camera: wp.vec3, height: float, depth: float) -> float:
+    """Return the tolerance for a point: the error of depth moves a point by its component across the plane."""
+    tolerance = ground.tolerance
+    growth = ground.growth
+    if growth[0] != 0.0 or growth[1] != 0.0 or growth[2] != 0.0:
+        rise = wp.abs(height - height_above(ground, camera))
+        tolerance += rise * (growth[0] / depth + growth[1] + growth[2] * depth)
+    return tolerance
 
 
 @wp.func
@@ -77,11 +106,15 @@ def no_point() -> Case:
 
 
 @wp.func
-def case_of(point: wp.vec3, ground: Ground, spheres: Spheres) -> Case:
+def case_of(point: wp.vec3, camera: wp.vec3, depth: float, ground: Ground, spheres: Spheres) -> Case:
     """Classify a point by the cases of the paper: ground, else part of an object, else obstacle."""
     case = no_point()
-    if point[ground.up] - ground.height < ground.sigma:
+    height = height_above(ground, point)
+    tolerance = tolerance_at(ground, camera, height, depth)
+    if height < tolerance:
         case.label = GROUND
+        if height < -tolerance:
+            case.label = ground.below_label
         return case
     case.label = OBSTACLE
     case.sphere = nearest_sphere(spheres, point)
@@ -159,7 +192,9 @@ def classify_depth(
     depth = depth_in[view, y, x]
     case = no_point()
     if has_depth(depth, camera.near, max_range):
-        case = case_of(back_project_pixel(camera, camera_to_world[view], y, x, depth), ground, spheres)
+        pose = camera_to_world[view]
+        point = back_project_pixel(camera, pose, y, x, depth)
+        case = case_of(point, wp.transform_get_translation(pose), depth, ground, spheres)
 
     labels_out[view, y, x] = case.label
     if spheres_out:
@@ -190,7 +225,8 @@ def classify_rays(
     ray = rays_in[y, x]
     case = no_point()
     if has_depth(depth, camera.near, max_range) and ray[2] == ray[2]:
-        case = case_of(point_along(camera_to_world[view], ray, depth), ground, spheres)
+        pose = camera_to_world[view]
+        case = case_of(point_along(pose, ray, depth), wp.transform_get_translation(pose), depth, ground, spheres)
 
     labels_out[view, y, x] = case.label
     if spheres_out:

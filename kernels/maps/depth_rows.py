@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """World points and labels on CPU cores: `kernels.maps.classify` for 16 pixels of a row at a time.
 
-A pose is read once per row, and without spheres only the vertical coordinate of a pixel's point is computed.
+A pose is read once per row, and without spheres only the height of a pixel's point is computed.
 """
 
 import warp as wp
@@ -74,9 +74,12 @@ def back_project_rows(
     _ROW.replace("NEAR", "camera.near").replace("FAR", "max_range")
     + _DEPTH_ROW
     + """
-const warpvis::RowCases cases = {.up = ground.up,
+const warpvis::RowCases cases = {.normal = {ground.normal[0], ground.normal[1], ground.normal[2]},
+                                 .offset = ground.offset,
                                  .height = ground.height,
-                                 .tolerance = ground.sigma,
+                                 .tolerance = ground.tolerance,
+                                 .growth = {ground.growth[0], ground.growth[1], ground.growth[2]},
+                                 .below_label = ground.below_label,
                                  .sphere_count = spheres.center.shape[0],
                                  .centers = (const float*)spheres.center.data,
                                  .sizes = spheres.size.data,

@@ -16,15 +16,20 @@ from numpy.typing import ArrayLike
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, on_gpu, take_out
+from warpvis.core.checks import check_number
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import Convention, QuaternionOrder, check_up
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
+from warpvis.maps._depth_sigma import Sigma, fit_sigma
+from warpvis.maps._floor_fit import FloorFit
 from warpvis.rendering import launch_back_project, launch_classify, launch_label_objects
 from warpvis.scene import Scene, require_scene
 
 if TYPE_CHECKING:
-    from warpvis.kernels.maps.classify import Spheres
+    from warpvis.kernels.maps.classify import Ground, Spheres
+
+_LABELS, _UP_AXIS = LabelNames(), 2
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Sphere:
             raise SceneError(f"center of a sphere must be three finite numbers, got {center.tolist()}")
         check_length(self.diameter, "diameter of a sphere", zero=False, error=SceneError)
         object.__setattr__(self, "center", tuple(map(float, center)))
-        object.__setattr__(self, "label", LabelNames().number(self.label))
+        object.__setattr__(self, "label", _LABELS.number(self.label))
 
 
 def back_project(
@@ -90,6 +95,10 @@ def classify(
     ground_tolerance: float = 0.01,
     ground_height: float = 0.0,
     up: Literal["z", "y"] = "z",
+    floor: FloorFit | ArrayLike | None = None,
+    sigma: Sigma | None = None,
+    threshold: float = 3.0,
+    below_label: Label | int | str = Label.GROUND,
     max_range: float | None = None,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
@@ -102,7 +111,8 @@ def classify(
 
     The first of these conditions determines the label: `Label.EMPTY` for a pixel without a point (its depth is NaN,
     infinite, not positive, less than the camera's `near`, or greater than `max_range`); `Label.GROUND` if its world
-    point is less than `ground_tolerance` above the floor; the label of a sphere with ``||C_obj - P|| < diameter/2``
+    point is less than the tolerance above the floor, or `below_label` if it is more than the tolerance below; the label
+    of a sphere with ``||C_obj - P|| < diameter/2``
     (the deepest one, if there are several); otherwise `Label.OBSTACLE`. Images rendered by warpvis have exact objects:
     use `classify_rendered` for them.
 
@@ -114,6 +124,16 @@ def classify(
         ground_tolerance: Height above the floor below which a point is ground [m], to allow for sensor noise.
         ground_height: Height of the floor [m].
         up: The world's vertical axis.
+        floor: The plane of the floor, instead of the plane perpendicular to `up` at `ground_height`: the result of
+            `fit_floor`, or ``a b c d`` with ``a x + b y + c z + d = 0`` on the floor and greater than 0 above it, in
+            the world frame of the poses. Without a pose of the camera, `fit_floor` returns a plane in the camera's
+            frame: then pass `FloorFit.camera_to_world` as the pose and no `floor`.
+        sigma: Standard deviation of depth, by which the tolerance grows, as for `compare_depth`: a model of
+            `warpvis.sensors`, a number [m], or a function of depth; a quadratic polynomial is fitted to it. The
+            tolerance of a point of depth z is ``ground_tolerance + threshold sigma(z) |dh/dz|``, where dh/dz is the
+            change of its height with depth along its ray.
+        threshold: Number of standard deviations.
+        below_label: Label of points below the floor by more than the tolerance, such as those of a stair down.
         max_range: Maximum depth [m]; the camera's `far` by default.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
@@ -131,9 +151,13 @@ def classify(
     depth, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device, reach)
     reach = camera.far if reach is None else reach
     ground = kernels.Ground()
-    ground.up = check_up(up)
-    ground.sigma = check_length(ground_tolerance, "ground_tolerance", infinite=True)
+    ground.tolerance = check_length(ground_tolerance, "ground_tolerance", infinite=True)
+    threshold = check_number(threshold, "threshold", minimum=0.0)
+    if sigma is not None:
+        ground.growth = wp.vec3(*(threshold * value for value in fit_sigma(sigma, camera, reach)))
+    ground.below_label = _LABELS.number(below_label)
     ground.height = check_length(ground_height, "ground_height", signed=True)
+    _set_plane(ground, check_up(up), floor)
     balls, sphere_count = _device_spheres(spheres, depth.device)
     labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
     if spheres_out is not None:
@@ -147,6 +171,25 @@ def classify(
         sphere_count,
     )
     return labels
+
+
+def _set_plane(ground: Ground, axis: int, floor: FloorFit | ArrayLike | None) -> None:
+    """Set the plane of the floor: perpendicular to a world axis, or `floor`."""
+    if floor is None:
+        ground.axis = axis
+        ground.normal = wp.vec3d(*np.eye(3)[axis])
+        return
+    if axis != _UP_AXIS or ground.height != 0.0:
+        raise ArrayError('up and ground_height must be "z" and 0 if floor is given, because it replaces them')
+    plane = as_numpy(floor.plane if isinstance(floor, FloorFit) else floor, name="floor").astype(np.float64)
+    if plane.shape != (4,) or not np.isfinite(plane).all():
+        raise ArrayError(f"floor must be a FloorFit or four finite numbers a b c d, got {plane.tolist()}")
+    length = float(np.linalg.norm(plane[:3]))
+    if not 1e-9 < length < 1e9:
+        raise ArrayError(f"floor must have a normal a b c that is not zero, got {plane[:3].tolist()}")
+    plane /= length
+    ground.axis = -1
+    ground.normal, ground.offset = wp.vec3d(*plane[:3]), float(plane[3])
 
 
 def classify_rendered(

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -17,31 +17,19 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
-from warpvis.core.arrays import as_numpy, check_length, empty_images
-from warpvis.core.checks import check_flag, check_number, check_whole, is_number
+from warpvis.core.arrays import check_length, empty_images
+from warpvis.core.checks import check_flag, check_number, check_whole
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
+from warpvis.maps._depth_sigma import KNOTS, Sigma, tabulate_sigma
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
-from warpvis.rendering import DepthSensor, Renderer
+from warpvis.rendering import Renderer
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
-
-Sigma: TypeAlias = float | DepthSensor | Callable[[NDArray[np.float64]], ArrayInput]
-"""Standard deviation of depth: a number of meters, a model of `warpvis.sensors`, or a function of depth."""
-
-# Depths whose standard deviation is tabulated, from 1 mm to 100 km, 1 % apart: linear interpolation of z^2 between them
-# has a relative error of 3e-5.
-_KNOTS = np.geomspace(1e-3, 1e5, 1852)
-
-# Largest standard deviation of a depth camera [m]: larger numbers are millimeters.
-_MAX_SIGMA = 1.0
-
-# Limits of tabulated standard deviations [m]: residuals stay finite.
-_SIGMA_LIMITS = 1e-6, 1e6
 
 # Largest half side of the window of expected depths [px].
 _MAX_EDGE = 32
@@ -188,7 +176,7 @@ def compare_depth(
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     worlds = parse_worlds(scene, count, object_poses, world_index, exclude)
     criteria = _criteria(camera, threshold, tolerance, edge, complete)
-    sigmas = wp.array(_tabulate(sigma, camera), dtype=wp.float32, device=scene.device)
+    sigmas = wp.array(tabulate_sigma(sigma, camera), dtype=wp.float32, device=scene.device)
     eye = replace(camera, near=0.0, far=math.inf)
     renderer = Renderer(scene, eye, outputs=("depth", "segmentation"), threads=check_threads(threads))
     if scene.device.is_cpu and quaternion == "xyzw":
@@ -251,30 +239,6 @@ def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: o
         raise ArrayError(f"edge must be from 0 to {_MAX_EDGE} px, got {edge!r}")
     empty = Agreement.NEARER if check_flag(complete, "complete") else Agreement.NO_SURFACE
     criteria.empty = int(empty)
-    criteria.first_log, last = np.log(_KNOTS[[0, -1]]).tolist()
-    criteria.steps_per_log = (len(_KNOTS) - 1) / (last - criteria.first_log)
+    criteria.first_log, last = np.log(KNOTS[[0, -1]]).tolist()
+    criteria.steps_per_log = (len(KNOTS) - 1) / (last - criteria.first_log)
     return criteria
-
-
-def _tabulate(sigma: Sigma, camera: ImageCamera) -> NDArray[np.float32]:
-    """Return the standard deviation [m] at the depths `_KNOTS`, constant beyond the camera's range."""
-    depths = np.clip(_KNOTS, max(camera.near, _KNOTS[0]), min(camera.far, _KNOTS[-1]))
-    if is_number(sigma):
-        number = check_length(sigma, "sigma", zero=False)
-        if number >= _MAX_SIGMA:
-            raise ArrayError(
-                f"sigma must be a standard deviation below {_MAX_SIGMA:g} m, got {number:g}; divide millimeters by 1000"
-            )
-        values = np.full_like(depths, number)
-    elif isinstance(sigma, DepthSensor):
-        values = sigma.depth_sigma(depths, camera)  # type: ignore[arg-type]  # `takes_lens` is that of `measure`
-    elif callable(sigma) and not isinstance(sigma, type):
-        values = as_numpy(sigma(depths.copy()), name="the result of sigma").astype(np.float64)
-    else:
-        raise ArrayError(f"sigma must be a number of meters, a model of warpvis.sensors or a function, got {sigma!r}")
-    if values.shape != depths.shape or not (values >= 0).all():
-        raise ArrayError(
-            f"sigma must return standard deviations from 0 m up, one for each of {len(depths)} depths, got shape "
-            f"{values.shape}"
-        )
-    return np.clip(values, *_SIGMA_LIMITS).astype(np.float32)

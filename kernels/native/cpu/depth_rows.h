@@ -17,6 +17,24 @@ struct DepthRange {
     }
 };
 
+// The change of a linear function of world points with depth, for the pixels of a row.
+struct RowSlopes {
+    double first, step;  // of a pinhole camera: at column 0, and per column
+    double axis[3];  // of a ray table: along the axes of the camera
+    const double* rays;
+
+    // Slopes of the pixels from column x on.
+    inline Doubles from(int x, int count) const {
+        if (!rays) return (Lanes::index_doubles() + (double)x) * step + first;
+        Doubles slopes = (Doubles)(0.0);
+        for (int i = 0; i < (count < LANES ? count : LANES); ++i) {
+            const double* ray = rays + 3LL * (x + i);
+            slopes[i] = axis[0] * ray[0] + axis[1] * ray[1] + axis[2] * ray[2];
+        }
+        return slopes;
+    }
+};
+
 // World directions of the pixels of a row, scaled to depth 1.
 struct RowDirections {
     double axis[3][3];  // of the camera, in the world
@@ -28,7 +46,7 @@ struct RowDirections {
     // Directions of the rays of a table, or of the pixels of a pinhole camera if `rays` is null.
     static inline RowDirections of(const Pose& pose, const double* focal, const double* center, int y,
                                    const double* rays) {
-        RowDirections row;
+        RowDirections row = {};
         for (int i = 0; i < 3; ++i)
             for (int k = 0; k < 3; ++k) row.axis[i][k] = pose.axis[i][k];
         row.rays = rays;
@@ -38,15 +56,20 @@ struct RowDirections {
         for (int k = 0; k < 3; ++k) row.step[k] = pose.axis[0][k] / focal[0];
         return row;
     }
-    // Component k of the pixels' directions from column x on.
-    inline Doubles component(int k, int x, int count) const {
-        if (!rays) return __builtin_convertvector(Lanes::index() + x, Doubles) * step[k] + first[k];
-        Doubles directions = (Doubles)(0.0);
-        for (int i = 0; i < (count < LANES ? count : LANES); ++i) {
-            const double* ray = rays + 3LL * (x + i);
-            directions[i] = axis[0][k] * ray[0] + axis[1][k] * ray[1] + axis[2][k] * ray[2];
+    // Slopes of world coordinate k.
+    inline RowSlopes component(int k) const {
+        return RowSlopes{first[k], step[k], {axis[0][k], axis[1][k], axis[2][k]}, rays};
+    }
+    // Slopes of the dot product with a vector.
+    inline RowSlopes along(const double* vector) const {
+        RowSlopes slopes = {};
+        for (int k = 0; k < 3; ++k) {
+            slopes.first += vector[k] * first[k];
+            slopes.step += vector[k] * step[k];
+            for (int i = 0; i < 3; ++i) slopes.axis[i] += vector[k] * axis[i][k];
         }
-        return directions;
+        slopes.rays = rays;
+        return slopes;
     }
 };
 
@@ -59,10 +82,17 @@ struct DepthRow {
     RowDirections directions;
 
     inline Floats load(int x) const { return PixelLanes::load(depth + x, width - x); }
-    // Coordinate k of the world points from column x on, rounded once; NaN where a pixel has no ray.
+    // Dot product of the camera's position with a vector.
+    inline double along(const double* vector) const {
+        return vector[0] * origin[0] + vector[1] * origin[1] + vector[2] * origin[2];
+    }
+    // A linear function of the world points from column x on, rounded once; NaN where a pixel has no ray.
+    inline Floats values(const RowSlopes& slopes, double start, int x, Floats depth) const {
+        const Doubles change = __builtin_convertvector(depth, Doubles) * slopes.from(x, width - x);
+        return __builtin_convertvector(change + start, Floats);
+    }
     inline Floats coordinate(int k, int x, Floats depth) const {
-        const Doubles far = __builtin_convertvector(depth, Doubles) * directions.component(k, x, width - x);
-        return __builtin_convertvector(far + origin[k], Floats);
+        return values(directions.component(k), origin[k], x, depth);
     }
     inline Points points(int x, Floats depth) const {
         return Points{coordinate(0, x, depth), coordinate(1, x, depth), coordinate(2, x, depth)};
@@ -81,10 +111,35 @@ struct DepthRow {
     }
 };
 
+// Heights of a row's points above a plane in single precision, and the bound of their difference from the exact ones,
+// both rounded: 16 roundings of the greatest terms, of which at most 9 occur.
+struct RoughHeights {
+    float first, step, start, height;
+    float error_per_depth, error;
+
+    static inline RoughHeights of(const RowSlopes& slopes, double start, float height, int width) {
+        const float rounding = 1.0f / (1 << 20);
+        return RoughHeights{
+            .first = (float)slopes.first,
+            .step = (float)slopes.step,
+            .start = (float)start,
+            .height = height,
+            .error_per_depth = rounding * (float)(__builtin_fabs(slopes.first) + width * __builtin_fabs(slopes.step)),
+            .error = rounding * (float)(__builtin_fabs(start) + __builtin_fabs((double)height))};
+    }
+    inline Floats at(Floats columns, Floats depth) const { return depth * (columns * step + first) + start - height; }
+    // Whether it is certain on which side of a limit the heights are.
+    inline Ints certain(Floats heights, float limit, Floats depth) const {
+        return Lanes::abs(heights - limit) > depth * error_per_depth + error;
+    }
+};
+
 // Classification of the points of a row, as in `case_of`.
 struct RowCases {
-    int up;
+    double normal[3], offset;  // of the ground's plane
     float height, tolerance;  // of the ground [m]
+    float growth[3];  // coefficients of 1, depth and its square in the tolerance along the ray
+    int below_label;
     int sphere_count;
     const float* centers;  // of spheres
     const float* sizes;
@@ -107,19 +162,59 @@ struct RowCases {
         return spheres;
     }
 
+    // Tolerances of the heights of points: `tolerance`, and the error of depth times its component across the plane.
+    inline Floats limits(Floats heights, float camera_height, Floats depth) const {
+        return tolerance + Lanes::abs(heights - camera_height) * (growth[0] / depth + growth[1] + growth[2] * depth);
+    }
+
     // Write labels, and spheres if requested.
     inline void classify(const DepthRow& row, unsigned char* labels_out, int* spheres_out) const {
-        for (int x = 0; x < row.width; x += LANES) {
-            const Floats depth = row.load(x), heights = row.coordinate(up, x, depth);
-            const Ints known = row.range.contains(depth) & (heights == heights);
-            const Ints above = known & ~(heights - height < tolerance);
-            Ints labels = Lanes::all_ints(LABEL_OBSTACLE), spheres = Lanes::all_ints(-1);
-            if (sphere_count > 0 && Lanes::any(above)) spheres = find_spheres(row.points(x, depth), &labels);
-            labels = above ? labels : (known ? Lanes::all_ints(LABEL_GROUND) : Lanes::all_ints(LABEL_EMPTY));
-            PixelLanes::store(labels_out + x, labels, row.width - x);
-            spheres = above ? spheres : Lanes::all_ints(-1);
-            if (spheres_out) PixelLanes::store((float*)spheres_out + x, (Floats)spheres, row.width - x);
+        const RowSlopes slopes = row.directions.along(normal);
+        const double start = row.along(normal) + offset;
+        int x = 0;
+        if (one_limit() && sphere_count == 0 && !slopes.rays && !spheres_out) {
+            const RoughHeights rough = RoughHeights::of(slopes, start, height, row.width);
+            for (; x + LANES <= row.width; x += LANES)
+                if (!write_certain(row, rough, x, labels_out)) write_uncertain(row, slopes, start, x, labels_out);
         }
+        for (; x < row.width; x += LANES) write(row, slopes, start, x, labels_out, spheres_out);
+    }
+    // Whether one comparison classifies the ground: a constant tolerance, and no label of points below.
+    inline bool one_limit() const {
+        return growth[0] == 0.0f && growth[1] == 0.0f && growth[2] == 0.0f && below_label == LABEL_GROUND;
+    }
+    // Write 16 labels if single precision is enough, else return false.
+    inline bool write_certain(const DepthRow& row, const RoughHeights& rough, int x, unsigned char* labels_out) const {
+        const Floats depth = Lanes::load(row.depth + x), heights = rough.at(PixelLanes::columns(x), depth);
+        const Ints known = row.range.contains(depth);
+        if (Lanes::any(known & ~rough.certain(heights, tolerance, depth))) return false;
+        const Ints labels = heights < tolerance ? Lanes::all_ints(LABEL_GROUND) : Lanes::all_ints(LABEL_OBSTACLE);
+        PixelLanes::store(labels_out + x, known ? labels : Lanes::all_ints(LABEL_EMPTY), LANES);
+        return true;
+    }
+    // Inlined, this rare case would take registers of the others.
+    __attribute__((noinline)) void write_uncertain(const DepthRow& row, const RowSlopes& slopes, double start, int x,
+                                                   unsigned char* labels_out) const {
+        write(row, slopes, start, x, labels_out, nullptr);
+    }
+    // Write the labels of pixels from column x on, and spheres if requested.
+    inline void write(const DepthRow& row, const RowSlopes& slopes, double start, int x, unsigned char* labels_out,
+                      int* spheres_out) const {
+        const Floats depth = row.load(x), heights = row.values(slopes, start, x, depth) - height;
+        const Ints known = row.range.contains(depth) & (heights == heights);
+        Floats limit = Lanes::all(tolerance);
+        Ints low = Lanes::all_ints(LABEL_GROUND);
+        if (!one_limit()) {
+            limit = limits(heights, (float)start - height, depth);
+            low = heights < -limit ? Lanes::all_ints(below_label) : low;
+        }
+        const Ints above = known & ~(heights < limit);
+        Ints labels = Lanes::all_ints(LABEL_OBSTACLE), spheres = Lanes::all_ints(-1);
+        if (sphere_count > 0 && Lanes::any(above)) spheres = find_spheres(row.points(x, depth), &labels);
+        labels = above ? labels : (known ? low : Lanes::all_ints(LABEL_EMPTY));
+        PixelLanes::store(labels_out + x, labels, row.width - x);
+        spheres = above ? spheres : Lanes::all_ints(-1);
+        if (spheres_out) PixelLanes::store((float*)spheres_out + x, (Floats)spheres, row.width - x);
     }
 };
 

@@ -31,6 +31,7 @@ struct Lanes {
     static inline Ints all_ints(int value) { return (Ints)(value); }
     static inline Ints index() { return Ints{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
     static inline Floats index_floats() { return Floats{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15}; }
+    static inline Doubles index_doubles() { return __builtin_convertvector(index(), Doubles); }
 
     // Callers' arrays may start anywhere: no alignment is assumed.
     static inline Floats load(const float* from) {

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.kernels.casting.packets_cuda import FRAME_WORDS
 from warpvis.kernels.constants import CUDA_LANES
 
 POINTS_SIDE = 32
@@ -60,6 +59,8 @@ class PacketImages:
 
     def frames(self) -> NDArray[np.float64]:
         """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row."""
+        from warpvis.kernels.casting.packets_cuda import FRAME_WORDS
+
         rows = [
             self.matrix.reshape(-1, 9),
             np.linalg.inv(self.matrix).transpose(0, 2, 1).reshape(-1, 9),

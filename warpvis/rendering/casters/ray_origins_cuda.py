@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.kernels.casting.packets_cuda import EYE_WORDS
 from warpvis.rendering.casters.packet_images_cuda import PacketImages
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not
@@ -52,6 +51,8 @@ def find_eyes(images: PacketImages, rays: NDArray[np.float64], origins: NDArray[
         rays: Rays of the camera frame, shape (N, 3).
         origins: Origins of the rays [m], shape (N, 3).
     """
+    from warpvis.kernels.casting.packets_cuda import EYE_WORDS
+
     occupied = images.occupied[..., None]
     ray_origins = np.where(occupied, origins[images.place], 0.0)
     eyes = _nearest_points(np.where(occupied, rays[images.place], 0.0), ray_origins, images.occupied)
