@@ -9,6 +9,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import Label, scenes
+from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Sphere
 
 import reference
@@ -294,6 +295,26 @@ def test_noise_of_a_sensor_keeps_the_floor_ground(device):
     assert (fixed[floor] == Label.GROUND).mean() < 0.9
     assert (grown[floor] == Label.GROUND).mean() > 0.99
     assert (grown[box] == Label.OBSTACLE).mean() > 0.9
+
+
+def test_heights_next_to_the_limit_are_exact():
+    """Depths whose points are within roundings of the limit, which single precision would confuse."""
+    camera = wv.Camera(64, 48, 60.0, 60.0, 32.0, 24.0, near=0.1, far=100.0)
+    pose = np.array(wv.look_at((5.0, 3.0, 20.3), (6, 4, 19.0)), dtype=np.float32)
+    slope = (reference.pixel_rays(camera) @ poses_to_matrices(pose)[:3, :3].T)[..., 2]
+    limit, height = np.float32(0.03), np.float32(19.0)
+    start = np.float64(pose[2])
+    with np.errstate(divide="ignore"):
+        depth = ((np.float64(limit) + height - start) / slope).astype(np.float32)
+    depth = np.where(depth > 0, depth, 1.0).astype(np.float32)
+    ulps = np.random.default_rng(0).integers(-6, 7, depth.shape).astype(np.int32)
+    depth = (depth.view(np.int32) + ulps).view(np.float32)
+    exact = (depth.astype(np.float64) * slope + start).astype(np.float32) - height < limit
+    rough = depth * slope.astype(np.float32) + np.float32(start) - height < limit
+    labels = wv.classify(depth, camera, pose, ground_tolerance=0.03, ground_height=19.0, device="cpu").numpy()[0]
+    assert (rough != exact).sum() > 50
+    # Rotations are rounded in another way, which changes single results.
+    assert ((labels == Label.GROUND) != exact).sum() <= 2
 
 
 def test_labels_of_rendered_images_skip_unknown_objects(device):
