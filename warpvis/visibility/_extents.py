@@ -133,22 +133,23 @@ class VisibleParts:
             Extents of the rectangles, with the solid angles of the visible pixels; None if the agent's camera is no
             pinhole.
         """
-        found = []
+        quads, shares = [], []
         for (face, poses), boxes, pixels in zip(self.faces, self.boxes, self.pixels, strict=True):
             camera = as_pinhole(face)
             if camera is None:
                 return None
             x, y, width, height = _row(boxes, view)[k].T.astype(np.float64)
             counts = np.where(width > 0, _row(pixels, view)[k], 0)
+            shares.append(counts / np.maximum(width * height, 1))
             x = np.where(counts > 0, x, np.nan)
             corners = np.stack([x, y, x + width, y, x + width, y + height, x, y + height], axis=-1).reshape(-1, 4, 2)
             # Image coordinates of pixel borders are whole numbers.
             rays = np.ones((len(k), 4, 3))
             rays[..., :2] = (corners - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
-            quads = rays @ poses_to_matrices(_row(poses, view)[None])[0, :3, :3].T
-            areas = quad_solid_angles(quads) * counts / np.maximum(width * height, 1)
-            found.append((angles_to_quads(direction, quads), areas, _unit(quads, direction)))
-        angles, areas, corners = map(np.stack, zip(*found, strict=True))
+            quads.append(rays @ poses_to_matrices(_row(poses, view)[None])[0, :3, :3].T)
+        cones = np.stack(quads)
+        angles, areas = angles_to_quads(direction, cones), quad_solid_angles(cones) * np.stack(shares)
+        corners = _unit(cones, direction)
         solid_angles = areas.sum(axis=0)
         weights = (areas / np.where(solid_angles > 0, solid_angles, 1.0))[..., None]
         middles = corners.mean(axis=2)
