@@ -203,13 +203,12 @@ def test_handles_are_level(vertical):
 def test_invalid_input_raises():
     experiment = EXPERIMENTS[0]
     scene, (robot, human) = experiment.build(), experiment.agents()
-    third = wv.Agent.kinect("third", robot.pose)
     many = wv.Agent.kinect("robot", np.tile(robot.pose, (2, 1)))
     cases = [
-        (lambda: ViewerState(scene, []), "agents must be one or two"),
-        (lambda: ViewerState(scene, [robot, human, third]), "agents must be one or two of warpvis.Agent, got 3"),
+        (lambda: ViewerState(scene, []), "agents must be one or more of warpvis.Agent, got none"),
+        (lambda: ViewerState(scene, [robot, 3]), "agents must be one or more of warpvis.Agent, got int"),
         (lambda: ViewerState(scene, [many]), "'robot' must have one pose to begin with, got 2"),
-        (lambda: ViewerState(scene, [robot, robot]), "agents must have different names"),
+        (lambda: ViewerState(scene, [robot, robot]), "agents must have different names, got 'robot' more than once"),
         (lambda: ViewerState(scene, [robot], movable=["cup*"]), "'cup\\*' in movable matches no object"),
         (lambda: ViewerState(scene, [robot], objects=["cup"]), "no object 'cup'"),
         (

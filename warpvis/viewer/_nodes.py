@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +24,12 @@ if TYPE_CHECKING:
 
     from warpvis.viewer._state import Snapshot, ViewerState
 
-AGENT_COLORS = (STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND])
+
+def agent_colors(names: Iterable[str]) -> dict[str, tuple[int, int, int]]:
+    """Return the color of each agent by name: one for the first agent, and another for all others."""
+    return {name: STATE_COLORS[State.SECOND if number else State.FIRST] for number, name in enumerate(names)}
+
+
 """Colors of the first and the second agent, the same as those of objects that only this agent sees."""
 
 _FRUSTUM_SIZE, _FIELD_SIZE = 0.28, 0.45
@@ -198,7 +203,7 @@ class SightNode:
 
     def __init__(self, scene: SceneApi, names: Sequence[str]) -> None:
         """Store the agents' names and colors."""
-        self._scene, self._colors = scene, dict(zip(names, AGENT_COLORS, strict=False))
+        self._scene, self._colors = scene, agent_colors(names)
         self._node: Any = None
         self._segments = np.zeros((0, 2, 3))
         self.visible = True

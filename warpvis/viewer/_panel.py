@@ -21,7 +21,7 @@ from warpvis.errors import WarpvisError
 from warpvis.maps import floor_map
 from warpvis.planning import propose_view
 from warpvis.viewer._pictures import kinect_noise, legend_html, status_html, table_html, with_view
-from warpvis.visibility import Agent
+from warpvis.visibility import Agent, Candidate
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -247,20 +247,27 @@ class Panel:
 
 
 def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radius: float) -> Proposal | str:
-    """Propose a pose of the first agent, within `max_distance` [m], to see objects that only the second one sees.
+    """Propose a pose of the first agent, within `max_distance` [m], to see objects that only others see.
 
     Without one, return the reason.
     """
     if len(snapshot.agents) < 2:
         return "There is no second agent."
-    robot, other = snapshot.agents
+    robot, *others = snapshot.agents
+    names = " or ".join(agent.name for agent in others)
     if robot.pinhole is None:
         return f"{robot.name} has no pinhole camera."
-    bodies = [*robot.body, *other.body]
+    bodies = [name for agent in snapshot.agents for name in agent.body]
     labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]
-    found = snapshot.seen.candidates(other.name, robot.name, labels=labels, exclude=bodies)
+    likeliest: dict[str, Candidate] = {}
+    for agent in others:
+        for item in snapshot.seen.candidates(agent.name, robot.name, labels=labels, exclude=bodies):
+            known = likeliest.setdefault(item.object, item)
+            if item.probability > known.probability:
+                likeliest[item.object] = item
+    found = sorted(likeliest.values(), key=lambda item: -item.probability)
     if not found:
-        return f"{other.name} sees no object."
+        return f"{names} sees no object."
     object_poses = snapshot.object_poses if len(snapshot.object_poses) else None
     floor = _floor(state)
     proposal = propose_view(
@@ -269,7 +276,7 @@ def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radi
     if proposal is not None:
         return proposal
     if all(item.state is not None and item.state.name == "BOTH" for item in found):
-        return f"{robot.name} sees every object that {other.name} sees."
+        return f"{robot.name} sees every object that {names} sees."
     return f"No free place within {max_distance:g} m shows {robot.name} any of these objects."
 
 

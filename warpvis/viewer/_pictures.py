@@ -216,10 +216,10 @@ class SurfaceCloud:
     def states(
         self, agents: Sequence[Agent], object_poses: NDArray[np.float64], points: NDArray[np.float32]
     ) -> NDArray[np.uint8]:
-        """Return a `State` for each point, ``(N,)``: which of the first two agents see it."""
+        """Return a `State` for each point, ``(N,)``: whether the first agent and any other see it."""
         states = np.zeros(len(points), dtype=np.uint8)
-        for number, agent in enumerate(agents[:2]):
-            states += np.uint8(1 + number) * self.seen_by(agent, object_poses, points)
+        for number, agent in enumerate(agents):
+            states |= np.uint8(State.SECOND if number else State.FIRST) * self.seen_by(agent, object_poses, points)
         return states
 
 
@@ -311,13 +311,13 @@ class Row:
     fractions: tuple[float, ...]
     """For each agent, the visible fraction of the silhouette, 0 to 1."""
     state: State
-    """Which of the agents see the object."""
+    """Whether the first agent and any other see the object."""
 
 
 def table_rows(seen: Perspective) -> tuple[Row, ...]:
     """Return the table of the first situation."""
-    flags = seen.visible[:, 0]
-    states = sum(State(1 + number) * flags[number] for number in range(len(flags)))
+    first, *others = seen.agents
+    states = seen.states(first, others)[0]
     rows = []
     for k, name in enumerate(seen.objects):
         cells = tuple(seen.cell(agent, 0, k, format_percent) for agent in range(len(seen.agents)))
@@ -354,8 +354,9 @@ def state_text(state: State, agents: Sequence[str]) -> str:
     """Return the text of a `State`."""
     if len(agents) < 2:
         return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
-    texts = {State.BOTH: "both see it", State.NEITHER: "neither"}
-    return texts.get(state) or f"{agents[0] if state == State.FIRST else agents[1]} only"
+    first, others = agents[0], agents[1] if len(agents) == 2 else "others"
+    both, neither = ("both see it", "neither") if len(agents) == 2 else (f"{first} and others", "nobody")
+    return (neither, f"{first} only", f"{others} only", both)[state]
 
 
 def status_html(seconds: float, updates: float) -> str:

@@ -89,12 +89,12 @@ class Snapshot:
 
     @property
     def object_states(self) -> dict[str, State]:
-        """Which of the agents see each object of the table, by object name."""
+        """Whether the first agent and any other see each object of the table, by object name."""
         return {row.name: row.state for row in self.rows}
 
 
 class ViewerState:
-    """A scene with one or two agents, in which agents and objects can be moved; `snapshot` computes what they see.
+    """A scene with one or more agents, in which agents and objects can be moved; `snapshot` computes what they see.
 
     Methods may be called from any thread.
 
@@ -118,7 +118,8 @@ class ViewerState:
 
         Args:
             scene: The scene; it is copied. For a MuJoCo model, the geoms of each body form one object, moved by joints.
-            agents: One or two agents with one pose each.
+            agents: One or more agents with one pose each: a robot, then people. Colors and states compare the first
+                agent with all others.
             movable: Names or patterns of the objects that may be moved; by default objects that are labeled as an
                 object, a person or a robot, or are movable already; none if these are more than 40.
             objects: Names of the objects in the table; by default the first 16 objects except the ground, and if there
@@ -128,8 +129,9 @@ class ViewerState:
             points: Approximate number of points of surfaces in the cloud.
         """
         items = as_items(agents, "agents", SceneError)
-        if not 1 <= len(items) <= 2 or not all(isinstance(agent, Agent) for agent in items):
-            raise SceneError(f"agents must be one or two of warpvis.Agent, got {len(items)}")
+        wrong = [type(agent).__name__ for agent in items if not isinstance(agent, Agent)]
+        if wrong or not items:
+            raise SceneError(f"agents must be one or more of warpvis.Agent, got {', '.join(wrong) or 'none'}")
         for agent in items:
             if len(agent.poses) != 1:
                 raise SceneError(f"{agent.name!r} must have one pose to begin with, got {len(agent.poses)}")
@@ -143,7 +145,9 @@ class ViewerState:
         in_opencv_axes = [replace(a, pose=a.poses[0].copy(), convention="opencv", quaternion="xyzw") for a in items]
         self.agents: dict[str, Agent] = {agent.name: agent for agent in in_opencv_axes}
         if len(self.agents) < len(items):
-            raise SceneError(f"agents must have different names, got {items[0].name!r} twice")
+            names = [agent.name for agent in items]
+            repeated = next(name for name in names if names.count(name) > 1)
+            raise SceneError(f"agents must have different names, got {repeated!r} more than once")
         self.initial_agents = dict(self.agents)
         """Agents at their initial poses."""
         self.object_poses = self.stage.object_poses.copy()

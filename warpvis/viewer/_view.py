@@ -28,7 +28,7 @@ from warpvis.core.file_content import writing
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene import Scene, require_scene
-from warpvis.viewer._nodes import AGENT_COLORS, AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode
+from warpvis.viewer._nodes import AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode, agent_colors
 from warpvis.viewer._panel import Panel, describe_proposal, propose
 from warpvis.viewer._pictures import legend_html, table_html
 from warpvis.viewer._stage import as_mujoco_stage
@@ -138,7 +138,7 @@ def view(
     Args:
         scene: The scene; objects move in a copy. For a MuJoCo model, which starts at its first keyframe, the geoms of
             each body form one object, and joints have sliders.
-        agents: One or two agents: a robot and a person. By default, a robot with `camera` that sees the whole scene.
+        agents: One or more agents: a robot, then people. By default, a robot with `camera` that sees the whole scene.
         camera: Camera of the default robot; by default `Camera.kinect` with unlimited range.
         movable: As for `ViewerState`, like `objects` and `frames`, which are played with a slider.
         objects: Names of the objects in the table.
@@ -217,8 +217,8 @@ class Page:
         self._set_view()
         self.meshes = Meshes(server.scene, state, dark=dark)
         self.marks = {
-            agent.name: AgentMark(server.scene, agent, color)
-            for agent, color in zip(state.agents.values(), AGENT_COLORS, strict=False)
+            name: AgentMark(server.scene, state.agents[name], color)
+            for name, color in agent_colors(state.agents).items()
         }
         self.cloud = CloudNode(server.scene, state)
         self.sight = SightNode(server.scene, list(state.agents))

@@ -100,14 +100,16 @@ class Perspective:
         """Whether the agent sees the object, ``(A, V, K)``."""
         return self.status == Visibility.VISIBLE
 
-    def states(self, first: str, second: str) -> NDArray[np.uint8]:
-        """Return the `State` of every object for two agents, ``(V, K)``.
+    def states(self, first: str, second: str | Sequence[str]) -> NDArray[np.uint8]:
+        """Return the `State` of every object for two agents, ``(V, K)``; or for one agent and several others.
 
+        With several others, SECOND means that only others see the object, and BOTH that at least one of them does too.
         FIRST means that only the agent `first` sees it. Where this package compares a robot and a person, the robot is
         first: `candidates` as ``states(robot, human)``, `report` and `table` in the order of `agents`.
         """
-        seen = self.visible
-        return (State.FIRST * seen[self._agent(first)] + State.SECOND * seen[self._agent(second)]).astype(np.uint8)
+        seen, others = self.visible, [self._agent(name) for name in as_items(second, "second", SceneError)]
+        by_others = seen[others].any(axis=0)
+        return (State.FIRST * seen[self._agent(first)] + State.SECOND * by_others).astype(np.uint8)
 
     def candidates(
         self,
