@@ -355,7 +355,7 @@ def matrix_text(*diagonal):
             write_scannet,
             "pose/0.txt",
             matrix_text(2, 2, 2),
-            "{}: a pose must be a rotation without scale",
+            "{}: pose must be rotations without scale",
         ),
         (
             write_scannet,

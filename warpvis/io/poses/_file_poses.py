@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,6 +29,8 @@ class FilePoses:
     object_poses: ObjectPoses = None  # see `Frames`
     world_index: ArrayInput | None = None  # see `Frames`
     camera: ImageCamera | None = None  # the camera of all poses, if defined in the file
+    image_names: Sequence[str | None] | None = None  # image of every pose, if defined in the file
+    depth_names: Sequence[str | None] | None = None  # depth image of every pose, if defined in the file
     details: Mapping[str, Json] = field(default_factory=dict)  # further details of the source of the poses
 
     def to_frames(

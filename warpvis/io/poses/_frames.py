@@ -32,9 +32,12 @@ from warpvis.io.poses._tables import read_csv, read_parquet, read_poses
 _MILLIMETERS = 1000.0
 _COLMAP_FILES = ("images.txt", "images.bin")
 
+COLMAP_PATHS = tuple(f"{folder}images.{kind}" for folder in ("", "sparse/0/", "sparse/") for kind in ("bin", "txt"))
+"""Pose files of COLMAP in a folder; the first existing one is read."""
+
 # Pose files in a folder, one format per line; the first existing one of a line is read.
 _IN_FOLDERS = (
-    [f"{folder}images.{kind}" for folder in ("", "sparse/0/", "sparse/") for kind in ("bin", "txt")],
+    COLMAP_PATHS,
     ("transforms.json",),
     ("scene_camera.json",),
 )
@@ -102,6 +105,18 @@ def read_frames(
         FileFormatError: If the file is missing, contains no poses, or is malformed; the message names the file and the
             line, row, frame, image or message. Or if `topic` or `quaternion` does not apply to such a file.
     """
+    return read_pose_file(path, convention, quaternion, file_format, topic, distortion)[0]
+
+
+def read_pose_file(
+    path: str | os.PathLike[str],
+    convention: Convention | None = None,
+    quaternion: QuaternionOrder = "xyzw",
+    file_format: PoseFormat | None = None,
+    topic: str | None = None,
+    distortion: bool = False,
+) -> tuple[Frames, FilePoses]:
+    """Read frames as `read_frames` does; return also the content of the file, with the names of its images."""
     path = as_path(path)
     if convention is not None:
         check_convention(convention)
@@ -116,7 +131,7 @@ def read_frames(
         path = _file_in(path)
     require_content(path, "a file of poses", images=False)
     kind, poses = _read(path, file_format, topic, check_flag(distortion, "distortion", FileFormatError))
-    return poses.to_frames(path, kind, convention, quaternion)
+    return poses.to_frames(path, kind, convention, quaternion), poses
 
 
 def _file_in(folder: Path) -> Path:
@@ -247,7 +262,19 @@ def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> Fil
             f"{path}: rolling_shutter is not read: each frame has the one pose of its transform_matrix", UserWarning
         )
     camera = camera_of_poses(lambda: nerfstudio_camera(path, data, distortion=distortion))
-    return FilePoses(poses, lambda index: f"{path}: frame {index}", "opengl", camera=camera)
+    names, depths = ([_text(entry.get(key)) for entry in frames] for key in ("file_path", "depth_file_path"))
+    return FilePoses(
+        poses,
+        lambda index: f"{path}: frame {index}",
+        "opengl",
+        camera=camera,
+        image_names=names,
+        depth_names=depths,
+    )
+
+
+def _text(value: Json) -> str | None:
+    return value if isinstance(value, str) and value else None
 
 
 def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
@@ -268,7 +295,12 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     camera = None
     if images and cameras_file.is_file():
         camera = camera_of_poses(lambda: colmap_camera(cameras_file, used, distortion=distortion))
-    return FilePoses(poses, lambda index: f"{path}: image {truncate(images[index].name)!r}", camera=camera)
+    return FilePoses(
+        poses,
+        lambda index: f"{path}: image {truncate(images[index].name)!r}",
+        camera=camera,
+        image_names=[image.name for image in images],
+    )
 
 
 def _inverse(rotations: NDArray[np.float64], translations: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,16 +23,26 @@ from warpvis.io.cameras._files import load_camera
 from warpvis.io.cameras._making import checked, image_size
 from warpvis.io.poses._tables import read_poses
 from warpvis.io.recordings._found import Found, depth_images_in, depth_size, existing, match_colors
-from warpvis.io.recordings._poses import nearest, poses_at, read_log, read_matrix, read_pose_files, unknown_poses
+from warpvis.io.recordings._poses import (
+    nearest,
+    numbers_of,
+    poses_at,
+    read_log,
+    read_matrix,
+    read_pose_files,
+    unknown_poses,
+)
 
 _VGA = (640, 480)
 
 # Principal point of a Kinect and of PrimeSense's cameras in the middle of 640 x 480 pixels with centers at integers.
+# Source: Open3D's PrimeSenseDefault, cpp/open3d/camera/PinholeCameraIntrinsic.cpp of github.com/isl-org/Open3D
 _PRIMESENSE = (525.0, 525.0, 319.5, 239.5)
 
 # Without a lens, as TUM recommends: "the conversion from the 2D images to 3D point clouds is the same for all
 # datasets", except freiburg3, whose images were undistorted with its own calibration.
-# Source: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/intrinsic_calibration and its page on file formats
+# Source: https://cvg.cit.tum.de/data/datasets/rgbd-dataset/intrinsic_calibration and its page on file formats; of
+# freiburg3 also Examples/RGB-D/TUM3.yaml of github.com/raulmur/ORB_SLAM2
 _FREIBURG = {
     "freiburg1": _PRIMESENSE,
     "freiburg2": _PRIMESENSE,
@@ -40,11 +50,13 @@ _FREIBURG = {
 }
 _TUM_UNIT = 1 / 5000
 
-# Source: https://www.doc.ic.ac.uk/~ahanda/VaFRIC/iclnuim.html, where fy is -480: y of its cameras points up.
+# Source: https://www.doc.ic.ac.uk/~ahanda/VaFRIC/codes.html, where fy is -480: y of its cameras points up. fx is
+# greater since POV-Ray's aspect ratio is 1.33, not 4/3: https://github.com/mp3guy/ElasticFusion/issues/99
 _ICL = (481.2, 480.0, 319.5, 239.5)
 
-# Source: https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/. The principal point is the middle of
-# the image, so that pixel centers are at +0.5.
+# Source: https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/; also data/camera-intrinsics.txt of
+# github.com/andyzeng/tsdf-fusion-python. The principal point is the middle of the image, so that pixel centers are at
+# +0.5.
 _SEVEN_SCENES = (585.0, 585.0, 320.0, 240.0)
 
 
@@ -90,14 +102,14 @@ def read_icl(path: Path) -> Found:
     times, depths, colors = [], [], []
     for location, line in read_rows(place, "number depth number color"):
         words = line.split()
-        time = _number(words[0])
+        time = numbers_of(words[:1])
         if len(words) != 4 or time is None:
             raise FileFormatError(f"{location}: expected 'number depth number color', got {truncate(line, 60)!r}")
         first, second = path / words[1], path / words[3]
         swapped = "depth" in words[3] and "depth" not in words[1]
         depths.append(second if swapped else first)
         colors.append(first if swapped else second)
-        times.append(time)
+        times += time
     rows = existing(place, depths)
     trajectories = sorted(path.glob("*.gt.freiburg"))
     if len(trajectories) != 1:
@@ -172,7 +184,7 @@ def read_redwood(path: Path) -> Found:
     """Read folders ``depth`` and ``image`` or ``color``, a trajectory ``.log`` and a camera ``.json`` of Open3D.
 
     Depth is in millimeters. Without a JSON file the camera is Redwood's.
-    Source: http://redwood-data.org/indoor/fileformat.html
+    Source: http://redwood-data.org/indoor/fileformat.html, and https://qianyi.info/scenedata.html of the same authors
     """
     depths = depth_images_in(path / "depth")
     logs = sorted(path.glob("*.log"))
@@ -224,22 +236,14 @@ def _read_list(path: Path) -> tuple[NDArray[np.float64], list[Path]]:
     times, files = [], []
     for place, line in read_rows(path, "timestamp filename"):
         words = line.split(maxsplit=1)
-        time = _number(words[0])
+        time = numbers_of(words[:1])
         if len(words) != 2 or time is None:
             raise FileFormatError(f"{place}: expected 'timestamp filename', got {truncate(line, 60)!r}")
-        times.append(time)
+        times += time
         files.append(path.parent / words[1].strip())
     if not files:
         raise FileFormatError(f"{path}: holds no lines 'timestamp filename'")
     return np.array(times), files
-
-
-def _number(word: str) -> float | None:
-    try:
-        value = float(word)
-    except ValueError:
-        return None
-    return value if np.isfinite(value) else None
 
 
 def _first(*paths: Path) -> Path | None:

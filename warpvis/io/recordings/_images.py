@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.frames import Frames
-from warpvis.core.file_content import is_file, read_json
+from warpvis.core.file_content import is_file
 from warpvis.errors import FileFormatError
-from warpvis.io.cameras._colmap import colmap_images
-from warpvis.io.poses._frames import read_frames
+from warpvis.io.poses._file_poses import FilePoses
+from warpvis.io.poses._frames import COLMAP_PATHS, read_pose_file
 from warpvis.io.recordings._datasets import color_images
 from warpvis.io.recordings._found import Found, depth_images_in, existing
 from warpvis.io.recordings._poses import TIME_TOLERANCE, numbers_of, poses_at, read_log, unknown_poses
@@ -22,18 +22,7 @@ from warpvis.io.recordings._poses import TIME_TOLERANCE, numbers_of, poses_at, r
 _DEPTH_FOLDERS = ("depth", "depths")
 
 # Pose files that a recording may have in its folder; the first existing one is read.
-_POSE_FILES = (
-    "groundtruth.txt",
-    "trajectory.txt",
-    "poses.txt",
-    "transforms.json",
-    "images.bin",
-    "images.txt",
-    "sparse/0/images.bin",
-    "sparse/0/images.txt",
-    "sparse/images.bin",
-    "sparse/images.txt",
-)
+_POSE_FILES = ("groundtruth.txt", "trajectory.txt", "poses.txt", "transforms.json", *COLMAP_PATHS)
 
 
 def read_images(path: Path, poses: Path | None) -> Found:
@@ -43,29 +32,35 @@ def read_images(path: Path, poses: Path | None) -> Found:
     names of the images [s], and other poses by order, if there is one for each image.
     """
     poses = poses or next((path / name for name in _POSE_FILES if is_file(path / name)), None)
-    listed = _listed_depths(poses) if poses is not None else None
-    if listed is not None and poses is not None:
-        return _read_listed(poses, listed)
+    content = None
+    if poses is not None and poses.suffix.lower() != ".log":
+        content = read_pose_file(poses, distortion=True)
+        frames, stored = content
+        if stored.depth_names and all(stored.depth_names):
+            return _read_listed(poses, frames, stored)
     folder = next((path / name for name in _DEPTH_FOLDERS if (path / name).is_dir()), path)
     depths = depth_images_in(folder)
-    colors = color_images(path, depths)
     numbers = numbers_of([depth.stem for depth in depths])
-    times = np.array(numbers) if numbers is not None and np.isfinite(numbers).all() else None
-    if poses is None:
-        return Found(depths, unknown_poses(len(depths)), colors, times)
-    return join_poses(Found(depths, unknown_poses(len(depths)), colors, times), poses)
+    times = np.array(numbers) if numbers is not None else None
+    found = Found(depths, unknown_poses(len(depths)), color_images(path, depths), times)
+    return found if poses is None else join_poses(found, poses, content)
 
 
-def join_poses(found: Found, poses: Path) -> Found:
-    """Return the recording with the poses of a file; its camera is used if the recording has none."""
+def join_poses(found: Found, poses: Path, content: tuple[Frames, FilePoses] | None = None) -> Found:
+    """Return the recording with the poses of a file; its camera is used if the recording has none.
+
+    Args:
+        found: The recording.
+        poses: The file.
+        content: The content of the file, if it was read before.
+    """
     depths, times = found.depths, found.timestamps
     if poses.suffix.lower() == ".log":
         rows = read_log(poses, len(depths))
         return _with_poses(found, rows, None, poses)
-    frames = read_frames(poses, distortion=True)
-    names = _image_names(poses, frames)
-    if names is not None:
-        by_name = {Path(name).stem: row for row, name in enumerate(names)}
+    frames, stored = content or read_pose_file(poses, distortion=True)
+    if stored.image_names is not None:
+        by_name = {Path(name).stem: row for row, name in enumerate(stored.image_names) if name}
         index = np.array([by_name.get(depth.stem, -1) for depth in depths])
         rows = np.where(index[:, None] >= 0, frames.camera_to_world[index], np.nan)
         problem = f"names no image as the depth images, such as {depths[0].name}"
@@ -95,41 +90,13 @@ def _overlap(times: NDArray[np.float64], pose_times: NDArray[np.float64]) -> boo
     return bool(times.min() <= pose_times.max() + TIME_TOLERANCE and pose_times.min() - TIME_TOLERANCE <= times.max())
 
 
-def _image_names(poses: Path, frames: Frames) -> list[str] | None:
-    """Return the names of the images of a pose file, in the order of its frames; None if it has none."""
-    if frames.source["format"] == "colmap":
-        return [image.name for image in colmap_images(poses)]
-    if frames.source["format"] != "nerfstudio":
-        return None
-    return [name or "" for name in _names_of_frames(poses, "file_path")]
-
-
-def _names_of_frames(poses: Path, key: str) -> list[str | None]:
-    """Return a name of every frame of ``transforms.json``, None if it has none."""
-    data = read_json(poses)
-    entries = data.get("frames") if isinstance(data, dict) else None
-    names = (
-        [entry.get(key) if isinstance(entry, dict) else None for entry in entries] if isinstance(entries, list) else []
-    )
-    return [name if isinstance(name, str) and name else None for name in names]
-
-
-def _listed_depths(poses: Path) -> list[Path] | None:
-    """Return the depth images that ``transforms.json`` of nerfstudio lists, one for each frame; None if it does not."""
-    if poses.suffix.lower() != ".json":
-        return None
-    names = _names_of_frames(poses, "depth_file_path")
-    return [poses.parent / name for name in names if name] if names and all(names) else None
-
-
-def _read_listed(poses: Path, listed: list[Path]) -> Found:
-    """Read the frames of nerfstudio's file that names the depth images, in millimeters.
+def _read_listed(poses: Path, frames: Frames, stored: FilePoses) -> Found:
+    """Return the frames of nerfstudio's file that names the depth images, in millimeters.
 
     Source: https://docs.nerf.studio/quickstart/data_conventions.html
     """
-    frames = read_frames(poses, distortion=True)
-    names = _names_of_frames(poses, "file_path")
-    colors = [poses.parent / name if name else None for name in names]
+    listed = [poses.parent / name for name in stored.depth_names or () if name]
+    colors = [poses.parent / name if name else None for name in stored.image_names or ()]
     rows = existing(poses, listed)
     return Found(
         [listed[row] for row in rows],

@@ -19,9 +19,6 @@ from warpvis.io._files import read_rows
 TIME_TOLERANCE = 0.02
 """Maximum difference of the times of images and poses that belong together [s], as in TUM's associate.py."""
 
-_ROTATION_TOLERANCE = 0.02
-"""Maximum error of a product of two rows of a matrix: rotations of long recordings are rounded many times."""
-
 
 def unknown_poses(count: int) -> NDArray[np.float64]:
     """Return rows of NaN, shape ``(count, 7)``."""
@@ -32,7 +29,7 @@ def read_matrix(path: Path) -> NDArray[np.float64]:
     """Read a matrix of numbers in a text file, separated by spaces or commas."""
     rows: list[list[float]] = []
     for place, line in read_rows(path, "numbers of a matrix"):
-        numbers = numbers_of(line.replace(",", " ").split())
+        numbers = numbers_of(line.replace(",", " ").split(), finite=False)
         if numbers is None or (rows and len(numbers) != len(rows[0])):
             raise FileFormatError(f"{place}: expected a row of a matrix of numbers, got {truncate(line.strip(), 60)!r}")
         rows.append(numbers)
@@ -57,16 +54,9 @@ def read_pose_files(files: Sequence[Path | None]) -> NDArray[np.float64]:
 
 
 def pose_from_matrix(matrix: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-    """Convert a matrix, shape ``(4, 4)``, to a row; its rotation is replaced by the nearest orthonormal one."""
-    rotation = matrix[:3, :3]
-    error = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if error > _ROTATION_TOLERANCE:
-        raise FileFormatError(f"{place}: a pose must be a rotation without scale, got an error of {error:.2g}")
-    u, _, vt = np.linalg.svd(rotation)
-    pose = matrix.copy()
-    pose[:3, :3] = u @ vt
+    """Convert a matrix, shape ``(4, 4)``, to a row."""
     try:
-        return poses_to_opencv(pose, name="pose")[0]
+        return poses_to_opencv(matrix, name="pose")[0]
     except PoseError as problem:
         raise FileFormatError(f"{place}: {problem}") from None
 
@@ -140,9 +130,10 @@ def poses_at(
     return np.where(between[:, None], mixed, poses)
 
 
-def numbers_of(words: Sequence[str]) -> list[float] | None:
-    """Return the words as numbers, or None if a word is not a number."""
+def numbers_of(words: Sequence[str], *, finite: bool = True) -> list[float] | None:
+    """Return the words as numbers, or None if a word is not a number, or with `finite` not a finite one."""
     try:
-        return [float(word) for word in words]
+        numbers = [float(word) for word in words]
     except ValueError:
         return None
+    return numbers if not finite or np.isfinite(numbers).all() else None
