@@ -161,7 +161,7 @@ BAD = {
     ),
     "spec in axes": ({"poses": ORBIT, "convention": "opengl"}, "generated poses take no --convention"),
     "spec of a topic": ({"poses": ORBIT, "topic": "/tf"}, "generated poses take no --topic"),
-    "topic": ({"topic": "/tf"}, "topic= is for ROS 2 bags"),
+    "topic": ({"topic": "/tf"}, "topic= is for ROS bags"),
     "search path": ({"search_path": (Path("taken"),)}, "its geometry is in a single file; leave out search_path"),
     "worlds": (
         {"movable": ("ball",), "worlds": Path("two.npz")},

@@ -204,7 +204,7 @@ NO_EFFECT = {
     ),
     "topic": (
         ("render", "room.stl", "--poses", "poses.npy", "--topic", "/tf", "--out", "x"),
-        "--topic is for ROS 2 bags",
+        "--topic is for ROS bags",
     ),
     "movable": (("check", "room.stl", "--poses", ORBIT, "--movable", "room"), "--movable has no effect without poses"),
     "worlds": (("check", "room.stl", "--poses", "poses.npy", "--worlds", "worlds.npz"), "has 0 that are movable"),

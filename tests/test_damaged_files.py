@@ -136,7 +136,7 @@ def test_mcap_records_longer_than_the_file_raise(datasets, tmp_path):
         good.write_bytes(data[: place + 1] + struct.pack("<Q", size) + data[place + 9 :])
         for path in (good, good.parent):
             wanted = f"bag.mcap has a record of {size} bytes at byte {place + 9}, and {len(data)} in all"
-            assert refusal(read_frames, path) == f"{path}: cannot be read as a ROS 2 bag: {wanted}"
+            assert refusal(read_frames, path) == f"{path}: cannot be read as a ROS bag: {wanted}"
     good.write_bytes(data[: place + 1] + struct.pack("<Q", length) + data[place + 9 :])
     assert len(read_frames(good.parent)) == 5
 

@@ -188,7 +188,7 @@ def test_malformed_parquet_files_are_rejected(tmp_path):
             "pyarrow",
             "Parquet files are read with pyarrow, which is missing: pip install 'warpvis[datas",
         ),
-        ("bag.mcap", "rosbags", "ROS 2 bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"),
+        ("bag.mcap", "rosbags", "ROS bags are read with rosbags, which is missing: pip install 'warpvis[ros]'"),
     ],
 )
 def test_missing_package_error_names_it(tmp_path, monkeypatch, name, module, said):
@@ -306,8 +306,8 @@ BAD_FILES = [
     ),
     ("poses.parquet", b"PAR1 no table PAR1", "poses.parquet: cannot be read as Parquet: "),
     ("poses.parquet", b"", "poses.parquet: cannot be read as Parquet: "),
-    ("poses.mcap", b"no bag", "poses.mcap: cannot be read as a ROS 2 bag: "),
-    ("poses.db3", b"no bag", "poses.db3: cannot be read as a ROS 2 bag: "),
+    ("poses.mcap", b"no bag", "poses.mcap: cannot be read as a ROS bag: "),
+    ("poses.db3", b"no bag", "poses.db3: cannot be read as a ROS bag: "),
 ]
 
 
@@ -338,7 +338,7 @@ def test_invalid_arguments_are_rejected(tmp_path):
             {"file_format": "exr"},
             "file_format must be one of tum, npy, npz, csv, parquet, nerfstudio, bop, colmap, ros, got 'e",
         ),
-        ({"topic": "/tf"}, f"{tmp_path / 'poses.npy'}: topic= is for ROS 2 bags, which this is not"),
+        ({"topic": "/tf"}, f"{tmp_path / 'poses.npy'}: topic= is for ROS bags, which this is not"),
         ({"file_format": "npz"}, f"{tmp_path / 'poses.npy'}: cannot be read as NPZ: it is one array"),
     ):
         with pytest.raises(wv.WarpvisError) as error:

@@ -330,6 +330,25 @@ def test_realsense_sdk(tmp_path, option):
     assert np.isnan(recording.camera_to_world).all()
 
 
+def test_poses_of_ros_1(tmp_path):
+    path = write_room(tmp_path / "walk", "ros1")
+    frames = wv.read_frames(path, topic="/tf:/base")
+    assert frames.source["format"] == "ros"
+    assert frames.camera == CAMERA
+    expected = poses(frames.timestamps - 1e-9 * START) @ np.linalg.inv(poses([3.0])[0] @ poses([-2.0])[0])
+    np.testing.assert_allclose(frames.camera_to_world[:, :3], expected[:, :3, 3], atol=1e-6)
+    message = refusal(lambda: wv.read_frames(path))
+    assert "the bag has several topics with poses; choose one as topic=: it has /tf (tf2_msgs/msg/TFMessage)" in message
+
+
+def test_malformed_definitions_of_other_topics(tmp_path):
+    with Bag(tmp_path / "bag", "ros1") as bag:
+        bag.writer.add_connection("/other", "own_msgs/msg/Own", msgdef="Header header\n=== ?", md5sum="0" * 32)
+        bag.add(DEPTH, START, bag.image(START, room(START), "32FC1"))
+        bag.add("/camera/depth/camera_info", START, bag.info(START))
+    np.testing.assert_array_equal(wv.open_recording(bag.path)[0].depth, room(START))
+
+
 def test_messages_with_the_same_time(tmp_path):
     with Bag(tmp_path / "bag", "sqlite3") as bag:
         for value in (1.0, 2.0, 3.0):

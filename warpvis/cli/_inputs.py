@@ -39,7 +39,7 @@ _FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.x
 FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4 of the demo."
 _POSES = (
     "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "
-    "COLMAP's images.txt or .bin, a ROS 2 bag), or a generator: "
+    "COLMAP's images.txt or .bin, a ROS bag), or a generator: "
     '"orbit target=0,0,0.5 radius=2 height=1 count=360", "random count=1000 seed=1 clearance=0.3".'
 )
 
@@ -136,7 +136,7 @@ class ViewpointOptions(SceneOptions):
     file_format: PoseFormat | None = None
     """The pose file's format, if its name does not determine it."""
     topic: str | None = None
-    """ROS 2 bags only: the topic of the poses."""
+    """ROS bags only: the topic of the poses."""
 
     def read_poses(self, path: str) -> Frames:
         """Read a pose file, with quaternions in the order of `quaternion` if its format does not define the order."""

@@ -22,6 +22,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, check_convention, ch
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
+from warpvis.io._bag_files import BAG_SUFFIXES
 from warpvis.io._files import as_numbers, read_archive, read_array, shorten
 from warpvis.io.cameras._colmap import colmap_camera, colmap_images
 from warpvis.io.cameras._json import bop_images_camera, nerfstudio_camera
@@ -50,8 +51,7 @@ _SUFFIXES: dict[str, PoseFormat] = {
     ".csv": "csv",
     ".parquet": "parquet",
     ".pq": "parquet",
-    ".mcap": "ros",
-    ".db3": "ros",
+    **dict.fromkeys(BAG_SUFFIXES, "ros"),
 }
 
 
@@ -78,7 +78,7 @@ def read_frames(
     - ``bop``: ``scene_camera.json`` with world-to-camera poses in millimeters. The frames are in the order of image
       ids, which are their timestamps.
     - ``colmap``: ``images.txt`` or ``images.bin``, sorted by the images' names.
-    - ``ros``: a topic of a ROS 2 bag, a folder or one ``.mcap`` or ``.db3`` file; see
+    - ``ros``: a topic of a ROS bag: ``.bag``, ``.mcap``, ``.db3``, or a folder; see
       `warpvis.io.poses._ros_bags.read_bag`.
 
     Poses are camera to world [m], timestamps seconds. If the file defines one camera for all of them (nerfstudio;
@@ -93,7 +93,7 @@ def read_frames(
         quaternion: Order of the quaternions of ``npy`` and ``npz``, of cameras and objects: ``"xyzw"`` or ``"wxyz"``.
             The other formats define the order.
         file_format: The file's format; by default determined from its suffix, or the content of JSON files.
-        topic: For ROS 2 bags, the topic to read.
+        topic: For ROS bags, the topic to read.
         distortion: Whether the frames' camera has its lens, as for `warpvis.io.load_camera`; for a bag, it is then the
             camera of the raw images, otherwise of the rectified ones. By default it is a pinhole, and a warning is
             issued if distortion was dropped.
@@ -164,7 +164,7 @@ def _known_kind(path: Path, file_format: PoseFormat | None) -> PoseFormat | None
 def _read(path: Path, file_format: PoseFormat | None, topic: str | None, distortion: bool) -> tuple[str, FilePoses]:
     kind = _known_kind(path, file_format)
     if topic is not None and kind != "ros":
-        raise FileFormatError(f"{path}: topic= is for ROS 2 bags, which this is not")
+        raise FileFormatError(f"{path}: topic= is for ROS bags, which this is not")
     if kind == "ros":
         from warpvis.io.poses._ros_bags import read_bag
 

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses from ROS 2 bags with sqlite3 or MCAP storage, read without ROS."""
+"""Poses from bags of ROS 1, and of ROS 2 with sqlite3 or MCAP storage, read without ROS."""
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -15,11 +16,11 @@ import numpy as np
 from warpvis.cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import truncate
-from warpvis.core.file_content import reading, require_package
+from warpvis.core.file_content import reading
 from warpvis.core.messages import field
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
-from warpvis.io._files import check_mcap
+from warpvis.io._bag_files import CAMERA_INFO, TRANSFORMS, BagFile
 from warpvis.io.cameras._making import one_camera
 from warpvis.io.poses._file_poses import FilePoses
 
@@ -51,32 +52,21 @@ def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) 
     frame's name ends in ``_optical_frame``, else of a ROS body frame.
 
     Args:
-        path: A folder with ``metadata.yaml``, or one ``.mcap`` or ``.db3`` file.
+        path: A folder with ``metadata.yaml``, or one ``.mcap``, ``.db3`` or ``.bag`` file.
         topic: The topic; not needed if only one topic has poses.
         distortion: Whether the camera is that of the raw images, with its lens, or of the rectified ones.
     """
-    rosbag2 = require_package("rosbags.rosbag2", f"{path}: ROS 2 bags are read with rosbags", "ros")
-    from rosbags.typesys import Stores, get_typestore
-
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag; give a pose file")
     name, _, child = (topic or "").partition(":")
-    with reading(path, "a ROS 2 bag"):
-        check_mcap(path)
-        store = get_typestore(Stores.LATEST)
-        with rosbag2.Reader(path) as reader:
-            types = {item.topic: item.msgtype for item in reader.connections}
-            name = _choose_topic(path, types, name)
-            kind = types[name]
-            connections = [item for item in reader.connections if (item.topic, item.msgtype) == (name, kind)]
-            stored = reader.messages(connections)
-            messages: Iterable[object] = (store.deserialize_cdr(data, kind) for *_, data in stored)
-            if kind == _PATH:
-                messages = deque(messages, maxlen=1)
-            poses = [pose for message in messages for pose in _POSES[kind](message)]
-            infos = [item for item in reader.connections if item.msgtype == _CAMERA_INFO]
-            cameras = [next(reader.messages([item]), None) for item in infos]
-            found: list[Any] = [store.deserialize_cdr(first[2], _CAMERA_INFO) for first in cameras if first is not None]
+    with reading(path, "a ROS bag"), contextlib.closing(BagFile(path)) as bag:
+        types = bag.topics
+        name = _choose_topic(path, types, name)
+        kind = types[name]
+        messages: Iterable[Any] = (message for _, _, message in bag.messages([name]))
+        if kind == _PATH:
+            messages = deque(messages, maxlen=1)
+        poses = [pose for message in messages for pose in _POSES[kind](message)]
+        infos = [bag.first(info) for info, its_kind in types.items() if its_kind == CAMERA_INFO]
+        found = [info for info in infos if info is not None]
     frames, frame = _as_poses(path, name, child, poses)
     return replace(frames, camera=_choose_camera(path, found, frame, distortion))
 
@@ -170,7 +160,6 @@ def _transformed(item: Any) -> _Stamped:
 
 
 _PATH = "nav_msgs/msg/Path"
-_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 # Poses of a message, by its type. The poses of a Path often have an empty frame_id.
 _POSES: dict[str, Callable[[Any], list[_Stamped]]] = {
@@ -182,5 +171,5 @@ _POSES: dict[str, Callable[[Any], list[_Stamped]]] = {
     _PATH: lambda message: [
         _posed(item.header, item.pose)._replace(parent=message.header.frame_id) for item in message.poses
     ],
-    "tf2_msgs/msg/TFMessage": lambda message: [_transformed(item) for item in message.transforms],
+    **dict.fromkeys(TRANSFORMS, lambda message: [_transformed(item) for item in message.transforms]),
 }

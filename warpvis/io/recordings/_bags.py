@@ -20,17 +20,15 @@ from warpvis.core.checks import truncate
 from warpvis.core.file_content import reading
 from warpvis.core.messages import Message, stamp_nanoseconds
 from warpvis.errors import FileFormatError, MessageError
+from warpvis.io._bag_files import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, TRANSFORMS, BagFile
 from warpvis.io._depth import pixels_to_depth
 from warpvis.io._image_messages import color_pixels, depth_pixels, is_color, is_depth
 from warpvis.io.cameras._making import one_camera
 from warpvis.io.poses._ros_bags import camera_of_info
-from warpvis.io.recordings._bag_files import COMPRESSED_IMAGE, IMAGE, BagFile
 from warpvis.io.recordings._found import MILLIMETERS, Found, resample_color
 from warpvis.io.recordings._poses import nearest
 from warpvis.io.recordings._transforms import TransformTree, frame_name
 
-_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _COMPRESSED = "/compressedDepth"
 _MAX_LIST = 500
 """Maximum length of a list of topics in a message [characters]."""
@@ -117,8 +115,6 @@ def read_bag_images(path: Path, topic: str | None, world_frame: str | None) -> B
     All messages of depth, color and tf are read once. The frame of an image is its camera's optical frame, as
     ``sensor_msgs/Image`` defines it.
     """
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag")
     bag = BagFile(path)
     with reading(path, "a ROS bag"):
         kinds = bag.topics
@@ -128,7 +124,7 @@ def read_bag_images(path: Path, topic: str | None, world_frame: str | None) -> B
         frame = frame_name(images[depth.topic].header.frame_id)
         sdk = _SDK_DEPTH.match(depth.topic)
         color = None if sdk else _choose_color(images, frame)
-        tree, transforms = TransformTree(), {name for name, kind in kinds.items() if kind in _TRANSFORMS}
+        tree, transforms = TransformTree(), {name for name, kind in kinds.items() if kind in TRANSFORMS}
         streams = {messages.topic: messages for messages in (depth, color) if messages is not None}
         for name, time, message in bag.messages([*streams, *transforms]):
             if name in streams:
@@ -202,7 +198,7 @@ def _camera(bag: BagFile, kinds: Mapping[str, str], topic: str, frame: str) -> t
     image = topic.removesuffix(_COMPRESSED).removesuffix("/compressed")
     parent = image.rpartition("/")[0]
     beside = [f"{parent}/camera_info", f"{image}/camera_info", f"{parent.removesuffix('/image')}/info/camera_info"]
-    infos = [name for name, kind in kinds.items() if kind == _CAMERA_INFO]
+    infos = [name for name, kind in kinds.items() if kind == CAMERA_INFO]
     messages: dict[str, Any] = {name: bag.first(name) for name in infos}
     found = next(([name] for name in beside if messages.get(name) is not None), None)
     if found is None:

@@ -15,7 +15,7 @@ from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.checks import as_path, check_choice, check_number, check_text, check_whole
 from warpvis.core.types import Json
 from warpvis.errors import ArrayError, FileFormatError
-from warpvis.io.recordings._bag_files import BAG_SUFFIXES, is_bag
+from warpvis.io._bag_files import BAG_SUFFIXES, is_bag
 from warpvis.io.recordings._bags import read_bag_images
 from warpvis.io.recordings._datasets import (
     read_icl,

@@ -8,6 +8,7 @@ import io
 import os
 import threading
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,9 @@ BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 """File name suffixes of bags: ROS 1, and ROS 2 with MCAP or sqlite3 storage."""
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""Message types of tf, of tf2 and of tf, which older bags of ROS 1 have."""
 
 
 class _BoundedFile(io.BufferedReader):
@@ -35,20 +39,11 @@ class _BoundedFile(io.BufferedReader):
         return super().read(remaining if size is None or size < 0 else min(size, remaining))
 
 
-class _BoundedPath:
+class _BoundedPath(type(Path())):  # type: ignore[misc]
     """A path that rosbags opens as a `_BoundedFile`."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._path, name)
-
-    def __str__(self) -> str:
-        return str(self._path)
-
-    def open(self, *_: object) -> _BoundedFile:
-        return _BoundedFile(self._path)
+    def open(self, mode: str = "r", *options: Any, **more: Any) -> Any:
+        return _BoundedFile(self) if mode == "rb" else super().open(mode, *options, **more)
 
 
 def is_bag(path: Path) -> bool:
@@ -60,7 +55,11 @@ class BagFile:
     """A bag, which every thread of every process opens when it reads the first message."""
 
     def __init__(self, path: Path) -> None:
+        """Choose the bag; a folder must have ``metadata.yaml``."""
+        if path.is_dir() and not (path / "metadata.yaml").is_file():
+            raise FileFormatError(f"{path}: is a folder without metadata.yaml, so it is not a ROS 2 bag")
         self.path = path
+        self._is_ros1 = path.suffix.lower() == ".bag" and path.is_file()
         self._local = threading.local()
 
     def __reduce__(self) -> tuple[type[BagFile], tuple[Path]]:
@@ -68,18 +67,18 @@ class BagFile:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Message type of every topic."""
-        return {item.topic: item.msgtype for item in self._reader.connections}
+        """Message type of every topic; the first one if publishers had several."""
+        return {item.topic: item.msgtype for item in reversed(self._reader.connections)}
 
     def messages(
         self, topics: Iterable[str], start: int | None = None, stop: int | None = None
     ) -> Iterator[tuple[str, int, Message]]:
         """Yield topic, time of the bag [ns] and message, in the order of the times, from `start` to before `stop`."""
-        reader, names = self._reader, set(topics)
-        connections = [item for item in reader.connections if item.topic in names]
-        if connections:
-            for connection, time, data in reader.messages(connections, start, stop):
-                yield connection.topic, time, self._deserialize(reader, data, connection.msgtype)
+        reader, names, kinds = self._reader, set(topics), self.topics
+        found = [item for item in reader.connections if item.topic in names and item.msgtype == kinds[item.topic]]
+        if found:  # without connections, rosbags yields all messages
+            for connection, time, data in reader.messages(found, start, stop):
+                yield connection.topic, time, self._deserialize(data, connection.msgtype)
 
     def message(self, topic: str, time: int, number: int) -> Message:
         """Return a message, by its time in the bag [ns] and its number among those of the topic with this time."""
@@ -92,6 +91,12 @@ class BagFile:
         """Return the first message of a topic; None if it has none."""
         return next((message for _, _, message in self.messages([topic])), None)
 
+    def close(self) -> None:
+        """Close the bag in this thread."""
+        if getattr(self._local, "process", None) == os.getpid():
+            self._local.reader.close()
+        self._local = threading.local()
+
     @property
     def _reader(self) -> Any:
         if getattr(self._local, "process", None) != os.getpid():  # a forked process must not share a file's position
@@ -99,24 +104,34 @@ class BagFile:
         return self._local.reader
 
     def _open(self) -> Any:
-        require_package("rosbags.highlevel", f"{self.path}: bags are read with rosbags", "ros")
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
+        require_package("rosbags.rosbag2", f"{self.path}: ROS bags are read with rosbags", "ros")
+        from rosbags import rosbag1, rosbag2
 
         require_content(self.path, "a ROS bag", images=False)
         check_mcap(self.path)
-        path: Any = _BoundedPath(self.path) if self.path.suffix == ".bag" else self.path
-        reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
+        reader: Any = (rosbag1 if self._is_ros1 else rosbag2).Reader(_BoundedPath(self.path))
         reader.open()
         return reader
 
-    def _deserialize(self, reader: Any, data: bytes, kind: str) -> Message:
-        from rosbags.highlevel import AnyReaderError
+    @cached_property
+    def _types(self) -> Any:
+        """The types of messages; definitions in the bag are not read, since one of any topic may be malformed."""
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+        store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.LATEST)
+        for kind in TRANSFORMS:
+            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+        return store
+
+    def _deserialize(self, data: bytes, kind: str) -> Message:
+        from rosbags.serde import SerdeError
+
+        if not self._is_ros1:
+            return self._types.deserialize_cdr(data, kind)
         try:
-            return reader.deserialize(data, kind)
-        except AnyReaderError:
-            if kind != IMAGE or reader.is2:
+            return self._types.deserialize_ros1(data, kind)
+        except SerdeError:
+            if kind != IMAGE:
                 raise
-            # The RealSense SDK appends the length of a unit of depth, float32, to the images of its ROS 1 bags.
-            return reader.deserialize(data[:-4], kind)
+            # The RealSense SDK appends the length of a unit of depth, float32, to images.
+            return self._types.deserialize_ros1(data[:-4], kind)
