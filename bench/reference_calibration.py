@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import defaultdict
 
 import numpy as np
 import trimesh
@@ -80,6 +81,40 @@ def disturb(rng: np.random.Generator, direction: np.ndarray, sigma: float, lapse
     return math.cos(angle) * direction / np.linalg.norm(direction) + math.sin(angle) * axis / np.linalg.norm(axis)
 
 
+def sequences(
+    rng: np.random.Generator, scene: wv.Scene, rays: dict[str, np.ndarray], first: list[Candidate], error: float
+) -> dict[str, list[tuple[list[Candidate], str]]]:
+    """Return the candidates and the target in every frame of 10 s, in which the person moves from object to object.
+
+    The eyes deviate from the head by the same angle as long as the person attends to an object; errors of the gaze are
+    new in every fixation.
+    """
+    model = ReferenceModel(max_eye_angle=math.pi)
+    salience = np.array([item.solid_angle**model.salience_exponent for item in first])
+    times = np.arange(0, 10, 0.1)
+    targets, heads, gazes = [], [], []
+    for frame, _ in enumerate(times):
+        if frame == 0 or rng.random() < 1 - math.exp(-model.switch_rate * 0.1):
+            target = first[rng.choice(len(first), p=salience / salience.sum())].object
+            head = disturb(rng, fixate(rng, rays[target]), error * model.head_sigma, model.lapse)
+            fixated = -math.inf
+        if times[frame] - fixated > model.fixation - 0.01:
+            gaze = disturb(rng, fixate(rng, rays[target]), error * model.gaze_sigma, model.lapse)
+            fixated = times[frame]
+        targets.append(target)
+        heads.append(wv.look_at(EYES, EYES + head))
+        gazes.append(gaze)
+    moving, still = (Agent.human("human", poses) for poses in (np.array(heads), wv.look_at(EYES, (1.2, 0, 0.8))))
+    by_head = wv.perspective(scene, moving).track("human", times=times, model=model)
+    seen = wv.perspective(scene, Agent.human("human", np.tile(still.poses, (len(times), 1))))
+    by_eyes = seen.track("human", times=times, gaze=np.array(gazes), model=model)
+    found = {"head, 10 s": by_head, "image of the eyes, 10 s": by_eyes}
+    return {
+        kind: [(candidates, target) for candidates, target in zip(frames, targets, strict=True) if candidates]
+        for kind, frames in found.items()
+    }
+
+
 def calibration_error(predicted: np.ndarray, is_meant: np.ndarray) -> float:
     """Return the expected calibration error: the mean difference between probability and frequency over bins."""
     bins = np.clip(np.digitize(predicted, BINS) - 1, 0, len(BINS) - 2)
@@ -103,7 +138,7 @@ def main() -> None:
     assumed = ReferenceModel(max_eye_angle=math.pi)
     tracker = ReferenceModel(max_eye_angle=math.pi, gaze_sigma=math.radians(2))
     kinds = ("head", "image of the eyes", "eye tracker", "head and finger", "head and other person")
-    results: dict[str, list[tuple[list[Candidate], str]]] = {kind: [] for kind in kinds}
+    results: dict[str, list[tuple[list[Candidate], str]]] = defaultdict(list)
     for _ in range(options.scenes):
         scene = table(rng)
         ahead = Agent.human("human", wv.look_at(EYES, (1.2, 0, 0.8)))
@@ -136,10 +171,12 @@ def main() -> None:
             )
             for kind, given in zip(kinds, evidence, strict=True):
                 results[kind].append((seen.candidates("human", **given), target))
+        for kind, frames in sequences(rng, scene, rays, first, options.error).items():
+            results[kind] += frames
     print(f"{options.scenes} scenes, {options.targets} targets each, seed {options.seed}, errors x {options.error:g}")
     middles = "".join(f"{100 * low:5.0f}+" for low in BINS[:-1])
     print(
-        f"{'evidence':22} {'first is meant':>14} {'ECE':>6} {'ECE of first':>12}   meant [%] by probability {middles}"
+        f"{'evidence':24} {'first is meant':>14} {'ECE':>6} {'ECE of first':>12}   meant [%] by probability {middles}"
     )
     for kind, found in results.items():
         predicted = np.array([item.probability for candidates, _ in found for item in candidates])
@@ -151,7 +188,7 @@ def main() -> None:
             f"{100 * is_meant[bins == k].mean():6.0f}" if (bins == k).any() else "     -" for k in range(len(BINS) - 1)
         )
         errors = calibration_error(predicted, is_meant), calibration_error(top, is_first)
-        print(f"{kind:22} {is_first.mean():14.2f} {errors[0]:6.3f} {errors[1]:12.3f} {'':27}{curve}")
+        print(f"{kind:24} {is_first.mean():14.2f} {errors[0]:6.3f} {errors[1]:12.3f} {'':27}{curve}")
 
 
 if __name__ == "__main__":

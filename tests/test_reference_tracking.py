@@ -67,6 +67,18 @@ def test_dwell_is_independent_of_the_frame_rate_and_is_forgotten():
     assert watch(at(-6), 2, 10, dwelt, ReferenceModel())[0].object == "left"
 
 
+def test_holding_the_head_or_an_arm_still_adds_little_evidence():
+    """The eyes deviate from the head by the same angle all the time: 10 s of the same pose are not 30 observations."""
+    frames = repeated(100)
+    times = np.arange(100) / 10
+    for pointing in (None, np.tile([0, 0, -0.3, *at(2)], (100, 1))):
+        tracked = frames.track("human", times=times, pointing=pointing)
+        first, last = chances(tracked[0]), chances(tracked[-1])
+        assert last == pytest.approx(first, abs=0.2)
+    looks = np.tile(at(6), (100, 1))
+    assert frames.track("human", times=times, gaze=looks)[-1][0].probability > 0.9
+
+
 def test_objects_that_vanish_leave_their_probability_to_the_prior():
     before = see([("cup", CUP, at(0)), ("left", CUP, at(-9)), ("right", CUP, at(9))]).candidates("human")
     after = see([("left", CUP, at(-9)), ("right", CUP, at(9))]).candidates("human", previous=before, elapsed=0.1)

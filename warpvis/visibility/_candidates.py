@@ -200,15 +200,19 @@ def weigh_candidates(
     if seen is None:
         seen = boxes.measure(k, object_poses, eyes, direction)
         seen = replace(seen, solid_angles=seen.solid_angles * fractions)
-    log_density = log_densities(model, direction, seen, sigma)
+    before, elapsed = previous
+    of_gaze = of_hold = 1.0
+    if before is not None:
+        of_gaze = min(1.0, elapsed / model.fixation) if model.fixation > 0 else 1.0
+        of_hold = min(1.0, elapsed * model.switch_rate)
+    log_density = (of_hold if gaze is None else of_gaze) * log_densities(model, direction, seen, sigma)
     pointing_angles = None
     for ray in rays:
         extents = boxes.measure(k, object_poses, ray[:3], ray[3:])
-        log_density += log_densities(model, ray[3:], extents, model.pointing_sigma)
+        log_density += of_hold * log_densities(model, ray[3:], extents, model.pointing_sigma)
         pointing_angles = extents.angles if pointing_angles is None else np.minimum(pointing_angles, extents.angles)
     if pursuit is not None:
-        log_density += log_pursuit_densities(model, pursuit)
+        log_density += of_gaze * log_pursuit_densities(model, pursuit)
     prior = prior_probabilities(model, seen.solid_angles, person_only, others)
-    before, elapsed = previous
     probabilities = posterior_probabilities(model, prior, log_density, before, elapsed)
     return Evidence(probabilities, seen.angles, pointing_angles, seen.solid_angles)

@@ -33,20 +33,22 @@ class ReferenceModel:
       where ``q_ij`` is the probability that the other person j attends to object i: with probability `joint_attention`,
       the person attends to what one of the others attends to. Without others, it is ``s_i``.
     - A direction has the density ``p(direction | i) = (1 - lapse) N(direction; c_i, S_i) + lapse / (4 pi)`` [1/sr]. N
-      is a Gaussian in the plane tangent to the unit sphere at ``c_i``, the center of the object's visible part, with
-      the distance on the sphere as radius. Its covariance is ``S_i = sigma^2 I + F_i``: the error of the direction,
-      and the spread of fixations on the object. People look close to the center of objects (preferred viewing location:
-      Nuthmann and Henderson, Journal of Vision 10(8):20, 2010, doi:10.1167/10.8.20), which predicts fixations better
-      than a uniform distribution on them (Stoll et al., Vision Research 107, 2015, 36,
-      doi:10.1016/j.visres.2014.11.006). The standard deviation of ``F_i`` is a quarter of the width and of the height
-      of the visible part: 95 % of fixations are within each of them. The value is a choice. A direction therefore says
-      less about a wall than about a cup. For rays, the center and the extent are those of the object's box.
+      is a Gaussian in the plane tangent to the unit sphere at ``c_i``, the center of the bounding rectangles of the
+      object's visible pixels, with the distance on the sphere as radius. Its covariance is ``S_i = sigma^2 I + F_i``:
+      the error of the direction, and the spread of fixations on the object. People look close to the center of objects
+      (preferred viewing location: Nuthmann and Henderson, Journal of Vision 10(8):20, 2010, doi:10.1167/10.8.20), which
+      predicts fixations better than a uniform distribution on them (Stoll et al., Vision Research 107, 2015, 36,
+      doi:10.1016/j.visres.2014.11.006). The standard deviation of ``F_i`` is a quarter of the rectangles' width and of
+      their height: 95 % of fixations are within each of them. The value is a choice. A direction therefore says less
+      about a wall than about a cup. For rays, the center and the extent are those of the object's box.
     - Over time, the object that is meant is the state of a hidden Markov model. In `elapsed` seconds, the person moves
-      on to another object, drawn from the prior, with probability ``1 - exp(-switch_rate * elapsed)``. Frames within
-      one fixation are not independent: the density is raised to the power ``min(1, elapsed / fixation)``.
+      on to another object, drawn from the prior, with probability ``1 - exp(-switch_rate * elapsed)``. Errors of
+      successive frames are not independent: the density of a given gaze is raised to the power
+      ``min(1, elapsed / fixation)``, and those of the head's axis and of rays to ``min(1, elapsed * switch_rate)``,
+      since eyes and arm deviate by the same angle as long as the person attends to the object.
     - In `Perspective.track`, the gaze also moves as the object does, as in smooth pursuit: the change of the gaze since
       the first frame within `fixation` has the density ``(1 - lapse) N(change; change of the direction to the object's
-      center, pursuit_sigma^2 I) + lapse / (4 pi)``, raised to the same power.
+      center, pursuit_sigma^2 I) + lapse / (4 pi)``, raised to the power of the gaze.
 
     Angles are in radians.
     """
@@ -191,7 +193,7 @@ def posterior_probabilities(
     Args:
         model: Parameters.
         prior: Prior of the objects, ``(N,)``.
-        log_density: Logarithm of the density of all evidence of the frame, ``(N,)``.
+        log_density: Logarithm of the density of all evidence of the frame, raised to its powers, ``(N,)``.
         previous: Probabilities of these objects after the last frame; None in the first frame. If their
             sum is below 1, the rest belongs to objects that are no longer candidates: the person has moved on.
         elapsed: Time since the last frame [s].
@@ -199,7 +201,6 @@ def posterior_probabilities(
     if previous is not None:
         stay = math.exp(-model.switch_rate * elapsed)
         prior = stay * previous + (1 - stay * min(1.0, previous.sum())) * prior
-        log_density = log_density * (min(1.0, elapsed / model.fixation) if model.fixation > 0 else 1.0)
     with np.errstate(divide="ignore"):
         logarithm = np.log(prior) + log_density
     weights = np.exp(logarithm - logarithm.max())
