@@ -68,9 +68,11 @@ def test_floor_below_a_table_is_found(tilt, roll, sensor):
     fit = wv.fit_floor(measure(KITCHEN, pose, SENSORS[sensor]), CAMERA)
     angle, offset = errors(fit, pose)
     assert angle < 1.0 and offset < max(0.01, 2 * fit.height_sigma)
+    assert angle < max(0.05, 2 * math.degrees(fit.tilt_sigma))
     assert 0 < fit.inlier_fraction <= 1 and fit.sigma < 0.02
+    # The errors of a D435 at 5 m have a standard deviation of some 2 cm, which reduces the confidence.
     if tilt < 50:
-        assert fit.confidence > 0.5
+        assert fit.confidence > (0.35 if sensor == "d435" else 0.5)
 
 
 def test_plane_matches_a_fit_to_the_true_floor():
@@ -145,6 +147,45 @@ def test_stair_down_is_reported(tilt):
     known = wv.fit_floor(depth, CAMERA, camera_height=1.0)
     angle, offset = errors(known, pose)
     assert angle < 1 and offset < 0.01 and known.confidence > 0.5
+
+
+def test_stair_up_is_not_a_ramp():
+    """Far away, a plane through the edges of stairs is within the tolerance of their points, but not parallel."""
+    steps = [((3, 0.28, 0.17), (0, 2.14 + 0.28 * k, 0.085 + 0.17 * k)) for k in range(10)]
+    pose = camera_pose(1.3, 15)
+    fit = wv.fit_floor(measure(room(FLOOR, *steps), pose, SENSORS["kinect"]), CAMERA)
+    angle, offset = errors(fit, pose)
+    assert (angle < 1 and offset < 0.02) or (fit.confidence < 0.5 and fit.problems)
+
+
+@pytest.mark.parametrize("direction", [0, 1])
+def test_curved_depth_reduces_the_confidence(direction):
+    """Uncalibrated cameras bend planes: here, 6 cm at the border of the image at 2 m."""
+    pose = camera_pose(1.3, 35)
+    depth = measure(room(FLOOR, *WALLS), pose).astype(np.float64)
+    position = (np.indices(depth.shape)[direction] + 0.5) / depth.shape[direction] - 0.5
+    straight = wv.fit_floor(depth, CAMERA)
+    bent = wv.fit_floor(depth * (1 + 0.12 * position**2), CAMERA)
+    assert straight.confidence > 0.9 and not straight.problems
+    assert math.degrees(bent.tilt_sigma) > 0.5 > math.degrees(straight.tilt_sigma)
+    assert bent.confidence < 0.8 and any("parts of the floor differ" in problem for problem in bent.problems)
+    assert errors(bent, pose)[0] < 3 * math.degrees(bent.tilt_sigma)
+
+
+def test_inliers_are_the_pixels_of_the_floor():
+    pose = camera_pose(1.3, 35)
+    depth = measure(KITCHEN, pose, SENSORS["kinect"])
+    on_floor = wv.render(KITCHEN, CAMERA, pose, outputs="segmentation").segmentation.numpy()[0] == 0
+    for image in (depth, depth[None]):
+        fit = wv.fit_floor(image, CAMERA)
+        assert fit.inliers.shape == image.shape and fit.inliers.dtype == bool and not fit.inliers.flags.writeable
+        measured = np.isfinite(image)
+        assert not fit.inliers[~measured].any()
+        assert (fit.inliers == on_floor)[measured].mean() > 0.97
+    points = wv.back_project(depth[None], CAMERA, pose).numpy()[0]
+    fit = wv.fit_floor(points.reshape(-1, 3), camera_to_world=pose, up=(0, 0, 1))
+    assert fit.inliers.shape == (depth.size,)
+    assert (fit.inliers == on_floor.ravel())[np.isfinite(points[..., 0]).ravel()].mean() > 0.97
 
 
 def test_step_is_reported():

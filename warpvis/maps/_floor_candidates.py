@@ -29,6 +29,9 @@ _NOISES, _SAFETY = (0.001, 0.006), 2.0
 # Noise of depth at which a cell counts half [m].
 _NOISE_AT_HALF = 0.1
 
+# Tangent of the largest angle between a plane and its cells, without noise: steps of a stair are not a ramp.
+_MAX_TANGENT = 0.36
+
 # Cosine of the largest angle between a seed and the cells of its triples.
 _SIMILAR = 0.85
 
@@ -54,6 +57,8 @@ class Cells:
     """Covariance of the points [m^2], shape ``(M, 3, 3)``."""
     ranges: Array
     """Distance of the center from the camera [m], shape ``(M,)``."""
+    sides: Array
+    """Side [m], shape ``(M,)``."""
     areas: Array
     """Area of a side [m^2], reduced where the noise is large, shape ``(M,)``."""
     normals: Array
@@ -121,6 +126,7 @@ def group_points(points: Array, noise: float | None) -> Cells:
         centers=centers,
         covariances=covariances,
         ranges=ranges,
+        sides=side,
         areas=side**2 / (1 + (noise * ranges**2 / _NOISE_AT_HALF) ** 2),
         normals=normals,
         planar=planar,
@@ -220,14 +226,16 @@ def _hypotheses(cells: Cells, upright: NDArray[np.intp], up: Array, tolerance: f
 
 
 def _members(cells: Cells, normals: Array, heights: Array) -> NDArray[np.bool_]:
-    """Return which cells are in which planes, shape ``(planes, M)``: near them, and thin across them."""
+    """Return which cells are in which planes, shape ``(planes, M)``: near them, thin across them, and parallel."""
     x, y, z = normals.T
     quadratic = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
     c = cells.covariances
     moments = np.stack([c[:, 0, 0], c[:, 1, 1], c[:, 2, 2], c[:, 0, 1], c[:, 0, 2], c[:, 1, 2]])
-    limits = (GATE * deviations(cells.noise, cells.ranges[None], heights[:, None])) ** 2
+    sigmas = deviations(cells.noise, cells.ranges[None], heights[:, None])
     distances = (normals @ cells.centers.T + heights[:, None]) ** 2
-    return distances + quadratic @ moments < limits
+    cosines = normals @ cells.normals.T
+    parallel = cosines * (_MAX_TANGENT + 2 * sigmas / cells.sides) > np.sqrt(np.maximum(1 - cosines**2, 0.0))
+    return (distances + quadratic @ moments < (GATE * sigmas) ** 2) & (parallel | ~cells.planar)
 
 
 def _fit(cells: Cells, members: NDArray[np.bool_], height: float, up: Array) -> tuple[Array, float]:

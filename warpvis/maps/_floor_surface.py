@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fit the plane of a floor to points, and estimate its errors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpvis.maps._floor_candidates import GATE, Array, Cells, Plane, deviations, fit_plane
+
+# Fraction of the standard deviation of points that is an error of whole regions, as of a depth camera's calibration.
+_SHARED = 0.2
+
+# Fewest points of a fit.
+_MIN_POINTS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A plane fitted to points, in coordinates relative to the camera, and its errors."""
+
+    normal: Array
+    """Unit normal towards the camera, shape ``(3,)``."""
+    height: float
+    """Distance of the camera [m]."""
+    sigma: float
+    """Robust standard deviation of the points across the plane [m]."""
+    gate: float
+    """Distance from the plane up to which points are on it, in units of `deviations`."""
+    inlier_fraction: float
+    """Fraction of all points that are on the floor."""
+    width: float
+    """Smaller width of the visible floor [m]."""
+    tilt_sigma: float
+    """Standard deviation of the normal [rad]."""
+    height_sigma: float
+    """Standard deviation of the height [m]."""
+    bend: float
+    """Root mean square of the angles between the normals of the floor's halves and `normal` [rad]."""
+
+
+def fit_surface(cells: Cells, floor: Plane) -> Surface:
+    """Fit a plane to the points of the cells of a floor.
+
+    Cells of walls and furniture are excluded: their lowest points would lift the plane.
+    """
+    normal, height, gate = floor.normal, floor.height, GATE
+    chosen = floor.members[cells.cell_of_point] & (cells.cell_of_point >= 0)
+    points, distances = cells.points[chosen], cells.distances[chosen]
+    for _ in range(4):
+        limits = deviations(cells.noise, distances, height)
+        relative = np.abs(points @ normal + height) / limits
+        near = relative < GATE
+        gate = GATE * (float(np.clip(1.4826 * np.median(relative[near]), 0.3, 1.0)) if near.any() else 1.0)
+        near = relative < gate
+        if near.sum() < _MIN_POINTS:
+            break
+        normal, height, _ = fit_plane(points[near], limits[near] ** -2)
+    inliers, weights = points[near], limits[near] ** -2
+    sigma = 1.4826 * float(np.median(np.abs(inliers @ normal + height)))
+    centers = cells.centers[floor.members]
+    _, _, variances = fit_plane(centers, cells.areas[floor.members])
+    error = sigma * math.sqrt(1 / len(centers) + _SHARED**2)
+    random_tilt = error / math.sqrt(max(variances[1], 1e-12))
+    random_rise = math.hypot(error, random_tilt * float(horizontal_distances(centers.mean(axis=0), normal)))
+    bend, rise = _compare_halves(inliers, weights, normal, height)
+    return Surface(
+        normal=normal,
+        height=height,
+        sigma=sigma,
+        gate=gate,
+        inlier_fraction=float(near.sum() / len(cells.points)),
+        width=math.sqrt(12 * variances[1]),
+        tilt_sigma=max(random_tilt, bend),
+        height_sigma=max(random_rise, rise),
+        bend=bend,
+    )
+
+
+def _compare_halves(points: Array, weights: Array, normal: Array, height: float) -> tuple[float, float]:
+    """Return the root mean squares of the angles [rad] and heights [m] of the floor's halves relative to the whole.
+
+    The halves are near and far, left and right. They differ more than by random errors if depth is curved, as that of a
+    camera that is not calibrated, or if the floor is not flat.
+    """
+    if len(points) < 4 * _MIN_POINTS:
+        return 0.0, 0.0
+    right = np.cross(normal, points.mean(axis=0))
+    sides = right, np.cross(normal, right)
+    angles, rises = [], []
+    for side in sides:
+        position = points @ side
+        first = position < np.median(position)
+        for half in (first, ~first):
+            turned, offset, _ = fit_plane(points[half], weights[half])
+            angles.append(math.acos(min(1.0, float(turned @ normal))))
+            rises.append(offset - height)
+    return float(np.sqrt(np.mean(np.square(angles)))), float(np.sqrt(np.mean(np.square(rises))))
+
+
+def horizontal_distances(points: Array, normal: Array) -> Array:
+    """Return the distance of points from the vertical through the camera [m]."""
+    return np.linalg.norm(points - (points @ normal)[..., None] * normal, axis=-1)
