@@ -115,8 +115,7 @@ def test_bop_numbers_out_of_range_raise(datasets, value):
 def test_damaged_bags_of_datasets_raise_one_line(datasets, name):
     path = datasets / "ros2" / "bag_000000" / name
     kept = path.read_bytes()
-    damaged = kept.replace(b"uint32 height", b"int32< height") if name.endswith("mcap") else b"a: [\nb: {\n" + kept
-    assert damaged != kept
+    damaged = kept[: len(kept) // 2] if name.endswith("mcap") else b"a: [\nb: {\n" + kept
     path.write_bytes(damaged)
     said = refusal(wv.open_dataset(datasets / "ros2").read, "depth", 0)
     assert f"{datasets / 'ros2'}: bag_000000 cannot be read: " in said

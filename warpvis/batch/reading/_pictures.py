@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -21,7 +22,7 @@ from warpvis.batch.storage._stores import LocalStore
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.io import check_mcap, from_image_msg, missing_units
+from warpvis.io import BagFile, from_image_msg, missing_units
 
 Column: TypeAlias = dict[str, NDArray]
 
@@ -162,7 +163,7 @@ class BagReader(ShardReader):
         if not isinstance(files.store, LocalStore):
             raise FileFormatError(f"{job.name}: datasets of bags must be in a local folder, got a URL")
         try:
-            import rosbags.highlevel  # noqa: F401
+            import rosbags  # noqa: F401
         except ImportError:
             raise FileFormatError(f"{job.name}: reading bags requires rosbags: pip install 'warpvis[ros]'") from None
         self._root = files.store.root
@@ -175,20 +176,15 @@ class BagReader(ShardReader):
         out[...] = self._bags.get(shard, lambda: self._read(shard))[row]
 
     def _read(self, shard: int) -> NDArray[np.float32]:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-
         bag = Path(os.fspath(self._root)) / f"bag_{shard_name(shard)}"
         length, spec = self._job.shard_length(shard), self.specs["depth"]
         depth = np.empty((length, *spec.shape), dtype=spec.dtype)
         count = 0
         try:
-            check_mcap(bag)
-            with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-                images = [connection for connection in reader.connections if connection.topic == self._topic]
-                for connection, _, data in reader.messages(connections=images):
+            with contextlib.closing(BagFile(bag)) as file:
+                for _, _, message in file.messages([self._topic]):
                     if count < length:
-                        depth[count] = from_image_msg(reader.deserialize(data, connection.msgtype))
+                        depth[count] = from_image_msg(message)
                     count += 1
         except Exception as error:  # rosbags may raise any exception for damaged bags
             raise FileFormatError(f"{self._job.name}: {bag.name} cannot be read: {describe_exception(error)}") from None
