@@ -84,16 +84,75 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """Whose candidates to compute, and which objects to include."""
+    """A person, optionally a robot, and what both see of K objects in V situations."""
 
-    person: int
-    """Index of the person."""
-    robot: int | None
-    """Index of the robot."""
-    chosen: NDArray[np.bool_]
-    """Whether each object may be a candidate if the person sees it, ``(K,)``."""
+    objects: tuple[str, ...]
+    """Names of the objects."""
+    seen: NDArray[np.bool_]
+    """Whether the person sees the object and it may be a candidate, ``(V, K)``."""
+    fraction: NDArray[np.float32]
+    """Fraction of the object's silhouette that the person sees, ``(V, K)``."""
+    attended: NDArray[np.bool_]
+    """Whether the object is in the person's field of attention, ``(V, K)``."""
+    robot: tuple[NDArray[np.bool_], NDArray[np.float32]] | None
+    """Whether the robot sees the object, and which fraction of it, ``(V, K)`` each; None without a robot."""
+    object_poses: NDArray[np.float32] | None
+    """Poses of the movable objects, ``(V or 1, M, 7)``; None if nothing is movable."""
+    person: VisibleParts
+    boxes: ObjectBoxes
     model: ReferenceModel
-    """Parameters of the probability."""
+
+    def candidates(
+        self,
+        view: int,
+        gaze: ArrayInput | None,
+        pointing: ArrayInput | None,
+        others: Sequence[Sequence[Candidate]],
+        previous: Sequence[Candidate] | None,
+        elapsed: float | None,
+        pursuit: Floats | None = None,
+    ) -> list[Candidate]:
+        """Return the candidates of a situation, most likely first; see `Perspective.candidates`.
+
+        `pursuit` is the change of the gaze minus that of the direction to each object, ``(K, 3)``.
+        """
+        found = np.flatnonzero(self.seen[view])
+        names = [self.objects[k] for k in found]
+        fractions = self.fraction[view, found].astype(np.float64)
+        by_robot = None if self.robot is None else tuple(values[view, found] for values in self.robot)
+        poses = self.object_poses
+        object_poses = None if poses is None else poses[view if len(poses) > 1 else 0]
+        evidence = weigh_candidates(
+            self.model,
+            self.person,
+            self.boxes,
+            found,
+            view,
+            fractions=fractions,
+            person_only=np.zeros(len(found), dtype=bool) if by_robot is None else ~by_robot[0],
+            object_poses=object_poses,
+            gaze=gaze,
+            pointing=pointing,
+            others=parse_others(others, names),
+            previous=parse_previous(previous, elapsed, names),
+            pursuit=None if pursuit is None or np.isnan(pursuit[found]).any() else pursuit[found],
+        )
+        angles = evidence.pointing_angles
+        return [
+            Candidate(
+                object=names[n],
+                probability=float(evidence.probabilities[n]),
+                fraction=float(fractions[n]),
+                gaze_angle=float(evidence.gaze_angles[n]),
+                pointing_angle=None if angles is None else float(angles[n]),
+                solid_angle=float(evidence.solid_angles[n]),
+                attended=bool(self.attended[view, found[n]]),
+                state=None if by_robot is None else State.BOTH if by_robot[0][n] else State.SECOND,
+                robot_fraction=None if by_robot is None else float(by_robot[1][n]),
+                object_poses=object_poses,
+            )
+            for n in np.argsort(-evidence.probabilities, kind="stable")
+        ]
 
 
 def require_model(model: ReferenceModel | None) -> ReferenceModel:

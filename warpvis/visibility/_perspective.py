@@ -16,18 +16,10 @@ from warpvis.core.checks import as_items, format_fraction, is_whole
 from warpvis.core.labels import Label, LabelNames, Visibility
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.visibility._candidates import (
-    Candidate,
-    Query,
-    State,
-    parse_others,
-    parse_previous,
-    require_model,
-    weigh_candidates,
-)
+from warpvis.visibility._candidates import Candidate, Query, State, require_model
 from warpvis.visibility._extents import ObjectBoxes, VisibleParts
 from warpvis.visibility._reference_model import ReferenceModel
-from warpvis.visibility._tracking import Sequences
+from warpvis.visibility._tracking import Sequences, track_candidates
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +145,7 @@ class Perspective:
             ArrayError: If `gaze` is outside the range of the eyes, `ReferenceModel.max_eye_angle`.
         """
         query = self._query(human, robot, labels, exclude, model)
-        return self._candidates(query, self._view(view), gaze, pointing, others, previous, elapsed)
+        return query.candidates(self._view(view), gaze, pointing, others, previous, elapsed)
 
     def track(
         self,
@@ -185,29 +177,7 @@ class Perspective:
             model: See `candidates`.
         """
         query = self._query(human, robot, labels, exclude, model)
-        frames = Sequences.parse(len(self), times, gaze, pointing, others)
-        eyes = self._parts[query.person].poses[:, None, :3]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            offsets = self._boxes.centers(self.object_poses) - eyes
-            directions = offsets / np.linalg.norm(offsets, axis=2, keepdims=True)
-        directions = np.broadcast_to(directions, (len(self), len(self.objects), 3))
-        pursuit = frames.pursuit(directions, query.model.fixation)
-        results: list[list[Candidate]] = []
-        for view in range(len(self)):
-            elapsed = float(frames.times[view] - frames.times[view - 1]) if view else None
-            results.append(
-                self._candidates(
-                    query,
-                    view,
-                    frames.gaze_at(view),
-                    frames.rays_at(view),
-                    frames.others_at(view),
-                    results[-1] if view else None,
-                    elapsed,
-                    None if pursuit is None else pursuit[view],
-                )
-            )
-        return results
+        return track_candidates(query, Sequences.parse(len(self), times, gaze, pointing, others))
 
     def _query(
         self,
@@ -227,57 +197,19 @@ class Perspective:
         chosen = [
             label in included and name not in excluded for label, name in zip(self.labels, self.objects, strict=True)
         ]
-        return Query(person, None if robot is None else self._agent(robot), ~self.body[person] & chosen, model)
-
-    def _candidates(
-        self,
-        query: Query,
-        view: int,
-        gaze: ArrayInput | None,
-        pointing: ArrayInput | None,
-        others: Sequence[Sequence[Candidate]],
-        previous: Sequence[Candidate] | None,
-        elapsed: float | None,
-        pursuit: NDArray[np.float64] | None = None,
-    ) -> list[Candidate]:
-        """Return the candidates of one situation."""
-        person, robot = query.person, query.robot
-        found = np.flatnonzero(self.visible[person, view] & query.chosen)
-        names = [self.objects[k] for k in found]
-        fractions = self.fraction[person, view, found].astype(np.float64)
-        seen_by_robot = None if robot is None else self.visible[robot, view, found]
-        object_poses = self.objects_at(view)
-        evidence = weigh_candidates(
-            query.model,
+        visible, fraction = self.visible, self.fraction
+        agent = None if robot is None else self._agent(robot)
+        return Query(
+            self.objects,
+            visible[person] & ~self.body[person] & chosen,
+            fraction[person],
+            self.attended[person],
+            None if agent is None else (visible[agent], fraction[agent]),
+            self.object_poses,
             self._parts[person],
             self._boxes,
-            found,
-            view,
-            fractions=fractions,
-            person_only=np.zeros(len(found), dtype=bool) if seen_by_robot is None else ~seen_by_robot,
-            object_poses=object_poses,
-            gaze=gaze,
-            pointing=pointing,
-            others=parse_others(others, names),
-            previous=parse_previous(previous, elapsed, names),
-            pursuit=None if pursuit is None or np.isnan(pursuit[found]).any() else pursuit[found],
+            model,
         )
-        angles = evidence.pointing_angles
-        return [
-            Candidate(
-                object=names[n],
-                probability=float(evidence.probabilities[n]),
-                fraction=float(fractions[n]),
-                gaze_angle=float(evidence.gaze_angles[n]),
-                pointing_angle=None if angles is None else float(angles[n]),
-                solid_angle=float(evidence.solid_angles[n]),
-                attended=bool(self.attended[person, view, found[n]]),
-                state=None if seen_by_robot is None else State.BOTH if seen_by_robot[n] else State.SECOND,
-                robot_fraction=None if robot is None else float(self.fraction[robot, view, found[n]]),
-                object_poses=object_poses,
-            )
-            for n in np.argsort(-evidence.probabilities, kind="stable")
-        ]
 
     def to_see(
         self,

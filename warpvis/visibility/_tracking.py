@@ -13,7 +13,7 @@ from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_items
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.visibility._candidates import Candidate
+from warpvis.visibility._candidates import Candidate, Query
 from warpvis.visibility._reference_model import Floats
 
 
@@ -93,3 +93,29 @@ class Sequences:
         changes = (gaze - gaze[first])[:, None] - (directions - directions[first])
         changes[first == np.arange(count)] = np.nan
         return changes
+
+
+def track_candidates(query: Query, frames: Sequences) -> list[list[Candidate]]:
+    """Return the candidates of every frame, each updated from the one before; see `Perspective.track`."""
+    offsets = query.boxes.centers(query.object_poses) - query.person.poses[:, None, :3]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        directions = offsets / np.linalg.norm(offsets, axis=2, keepdims=True)
+    directions = np.broadcast_to(directions, (*query.seen.shape, 3))
+    pursuit = frames.pursuit(directions, query.model.fixation)
+    results: list[list[Candidate]] = []
+    for view in range(len(frames.times)):
+        previous, elapsed = None, None
+        if view:
+            previous, elapsed = results[-1], float(frames.times[view] - frames.times[view - 1])
+        results.append(
+            query.candidates(
+                view,
+                frames.gaze_at(view),
+                frames.rays_at(view),
+                frames.others_at(view),
+                previous,
+                elapsed,
+                None if pursuit is None else pursuit[view],
+            )
+        )
+    return results
