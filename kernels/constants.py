@@ -111,6 +111,12 @@ TILE_SIDE = 16  # pixels: a tile is 4 x 4 blocks
 POINT_CHUNK_BITS = 13
 POINT_CHUNK = 1 << 13  # points projected at a time
 
+# Blocks of an occupancy map, and stored values of voxels that were not measured, less than all log-odds.
+VOXEL_BLOCK_SIDE = 8  # voxels along an edge
+VOXEL_BLOCK_SIZE = 512  # voxels
+VOXEL_NEVER_SEEN = -32768
+VOXEL_HIDDEN = -32767
+
 # Marks empty entries: beyond every coordinate and, as 1 / z, nearer than any surface.
 NOWHERE = 3e38
 

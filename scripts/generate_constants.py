@@ -14,7 +14,7 @@ _HEAD = '''# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 """Constants shared by C++ and Python, generated from native/shared/constants.h by scripts/generate_constants.py."""
 '''
 _ENUM = re.compile(r"((?:// [^\n]*\n)+)enum (\w+) \{\n(.*?)\};", re.DOTALL)
-_MEMBER = re.compile(r"    (\w+) = (\d+(?: << \d+)?),(?:  // (.*))?")
+_MEMBER = re.compile(r"    (\w+) = (-?\d+(?: << \d+)?),(?:  // (.*))?")
 _FLOAT = re.compile(r"((?:// [^\n]*\n)+)constexpr float (\w+) = ([\d.e+-]+)f;")
 
 

@@ -40,6 +40,8 @@ def top_cases(folder):
     path = folder / "out"
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
+    occupancy = wv.OccupancyMap(0.1, bounds=[(-2, -2, -1), (2, 2, 1)])
+    occupancy.integrate(DEPTH, CAMERA, POSE)
     return {
         # Top-level package.
         "Agent": (
@@ -232,6 +234,30 @@ def top_cases(folder):
         "Scene.index": (seen.index, {"name": "box"}),
         "Scene.to": (seen.to, {"device": "cpu"}),
         "Scene.export": (seen.export, {"path": path / "scene.glb"}),
+        "OccupancyMap": (
+            wv.OccupancyMap,
+            {
+                "cell_size": 0.1,
+                "bounds": [(0, 0, 0), (1, 1, 1)],
+                "hit": 0.7,
+                "miss": 0.4,
+                "minimum": 0.1,
+                "maximum": 0.9,
+                "up": "z",
+                "device": "cpu",
+            },
+        ),
+        "OccupancyMap.integrate": (
+            occupancy.integrate,
+            {"depth": DEPTH, **VIEW, "sigma": 0.01, "max_range": 2.0, "threads": 1},
+        ),
+        "OccupancyMap.decay": (occupancy.decay, {"factor": 0.5}),
+        "OccupancyMap.states": (occupancy.states, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
+        "OccupancyMap.probabilities": (occupancy.probabilities, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
+        "OccupancyMap.voxel_map": (
+            occupancy.voxel_map,
+            {"bounds": [(0, 0, 0), (1, 1, 1)], "ground_height": 0.0, "ground_tolerance": 0.03, "threads": 1},
+        ),
         "VoxelMap.volume": (voxels.volume, {"state": "free"}),
         "VoxelMap.floor_map": (voxels.floor_map, {"robots": [(0, 0, 0.1)]}),
         "VoxelMap.merge": (voxels.merge, {"other": voxels}),

@@ -132,9 +132,12 @@ def _worlds(folder):
 
 
 def _visibility(folder):
+    from support.recordings import write_tum
+
     scene = _room()
     scene.export(folder / "room.glb")
     _save_poses(folder / "poses.txt")
+    write_tum(folder / "rgbd_dataset_freiburg1_desk", count=2)
     return {
         "scene": scene,
         "camera": wv.Camera.from_fov(64, 48, hfov=1.0),

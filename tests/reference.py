@@ -75,6 +75,20 @@ from reference_mujoco import (  # noqa: F401
     scale_sizes,
     viewer_transforms,
 )
+from reference_occupancy import (  # noqa: F401
+    bound_surface,
+    bound_tiles,
+    fade,
+    fill_blocks,
+    judge_blocks,
+    list_blocks,
+    mark_points,
+    release_blocks,
+    summarize_blocks,
+    update_voxels,
+    write_states,
+    write_states_at,
+)
 from reference_orthographic import cast_parallel_rays, show_later_from_plane  # noqa: F401
 from reference_point_order import count_points, measure_blocks, sort_points  # noqa: F401
 from reference_points import (  # noqa: F401

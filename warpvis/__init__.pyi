@@ -30,6 +30,7 @@ from .errors import WarpvisError as WarpvisError
 from .io import open_recording as open_recording, read_frames as read_frames
 from .maps import (
     FloorMap as FloorMap,
+    OccupancyMap as OccupancyMap,
     VoxelMap as VoxelMap,
     back_project as back_project,
     classify as classify,

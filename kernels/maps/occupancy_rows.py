@@ -1,0 +1,181 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Integration of depth images into an occupancy map on CPU cores: `kernels.maps.occupancy` for 16 numbers at a time."""
+
+import warp as wp
+
+from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, Blocks, DepthView, block_corner
+from warpvis.kernels.native_source import include_native
+from warpvis.kernels.pinhole import Window, locate
+
+wp.set_module_options(
+    {"enable_backward": False, "default_grid_stride": False, "extra_build_options": include_native("cpu/occupancy.h")}
+)
+
+
+@wp.func_native(
+    """
+const int width = depth_in.shape[2], height = depth_in.shape[1];
+const long long first = ((long long)view * height + y) * width;
+const float* depth = depth_in.data + first;
+const warpvis::SurfaceRow row = {.width = width,
+                                 .depth = depth,
+                                 .above = y > 0 ? depth - width : nullptr,
+                                 .below = y + 1 < height ? depth + width : nullptr,
+                                 .near = depth_view.camera.near,
+                                 .reach = depth_view.reach,
+                                 .sigma = &depth_view.sigma[0],
+                                 .max_step = max_step};
+row.bound((float*)bounds_out.data + 2 * first);
+"""
+)
+def bound_row(
+    depth_view: DepthView,
+    view: int,
+    y: int,
+    max_step: float,
+    depth_in: wp.array3d[float],
+    bounds_out: wp.array3d[wp.vec2],
+): ...
+
+
+@wp.kernel
+def bound_surface(
+    # Cameras:
+    window: Window,
+    depth_view: DepthView,
+    # In:
+    depth_in: wp.array3d[float],
+    # Out:
+    bounds_out: wp.array3d[wp.vec2],
+):
+    """Write the intervals of `occupancy.bound_surface`; each thread of the kernel takes a row of pixels."""
+    view, y, _x = wp.tid()
+    view, y = locate(window, view, y)
+    bound_row(depth_view, view, y, MAX_SAME_SURFACE_STEP, depth_in, bounds_out)
+
+
+@wp.func_native(
+    """
+const int width = depth_in.shape[2];
+warpvis::Pose pose;
+for (int i = 0; i < 3; ++i) {
+    pose.position[i] = depth_view.origin[i];
+    for (int k = 0; k < 3; ++k) pose.axis[i][k] = depth_view.rotation.data[i][k];
+}
+const double focal[2] = {depth_view.camera.fx, depth_view.camera.fy};
+const double center[2] = {depth_view.camera.cx, depth_view.camera.cy};
+const warpvis::DepthRow row = {.width = width,
+                               .depth = depth_in.data + ((long long)view * depth_in.shape[1] + y) * width,
+                               .range = {.near = depth_view.camera.near, .far = depth_view.reach},
+                               .origin = pose.position,
+                               .directions = warpvis::RowDirections::of(pose, focal, center, y, nullptr)};
+warpvis::BlockGrid grid = {.cell = blocks.cell, .slots = blocks.slot.data};
+for (int i = 0; i < 3; ++i) {
+    grid.first[i] = blocks.first[i];
+    grid.size[i] = blocks.slot.shape[i];
+}
+grid.mark(row, marks_out.data, marked_slots_out.data);
+"""
+)
+def mark_row(
+    depth_view: DepthView,
+    view: int,
+    y: int,
+    blocks: Blocks,
+    depth_in: wp.array3d[float],
+    marks_out: wp.array2d[wp.uint8],
+    marked_slots_out: wp.array[wp.uint8],
+): ...
+
+
+@wp.kernel
+def mark_points(
+    # Cameras:
+    window: Window,
+    depth_view: DepthView,
+    # In:
+    blocks: Blocks,
+    depth_in: wp.array3d[float],
+    # Out:
+    marks_out: wp.array2d[wp.uint8],
+    marked_slots_out: wp.array[wp.uint8],
+):
+    """Mark voxels as `occupancy.mark_points` does; each thread of the kernel takes a row of pixels."""
+    view, y, _x = wp.tid()
+    view, y = locate(window, view, y)
+    mark_row(depth_view, view, y, blocks, depth_in, marks_out, marked_slots_out)
+
+
+@wp.func_native(
+    """
+unsigned char* marks = nullptr;
+if (marked_slots_out.data[slot]) marks = marks_out.data + (long long)warpvis::BLOCK_SIZE * slot;
+marked_slots_out.data[slot] = 0;
+const warpvis::VoxelBlock block = {.values = (short*)blocks_out.voxels.data + (long long)warpvis::BLOCK_SIZE * slot,
+                                   .marks = marks};
+warpvis::BlockView depth = {.fx = (float)view.camera.fx,
+                            .fy = (float)view.camera.fy,
+                            .cx = (float)view.camera.cx,
+                            .cy = (float)view.camera.cy,
+                            .width = view.camera.width,
+                            .height = view.camera.height,
+                            .near = view.camera.near,
+                            .reach = view.reach,
+                            .row_length = bounds_in.shape[2],
+                            .bounds = (const float*)bounds_in.data,
+                            .hit = (short)view.hit,
+                            .miss = (short)view.miss,
+                            .minimum = (short)view.minimum,
+                            .maximum = (short)view.maximum,
+                            .cell = (float)blocks_out.cell};
+float sight[3], position[3] = {};
+for (int i = 0; i < 3; ++i) {
+    sight[i] = (float)center[i];
+    double place = 0;
+    for (int k = 0; k < 3; ++k) {
+        place += view.rotation.data[i][k] * center[k];
+        depth.step[k][i] = (float)(view.rotation.data[i][k] * blocks_out.cell);
+    }
+    position[i] = (float)place;
+}
+const auto summary = update == 3 ? block.update(depth, sight, position) : block.update(depth, update == 1);
+return summary.is_uniform() + 2 * summary.has_unseen();
+"""
+)
+def update_block(
+    view: DepthView,
+    blocks_out: Blocks,
+    slot: int,
+    update: int,
+    center: wp.vec3d,
+    bounds_in: wp.array3d[wp.vec2],
+    marks_out: wp.array2d[wp.uint8],
+    marked_slots_out: wp.array[wp.uint8],
+) -> int: ...
+
+
+@wp.kernel
+def update_voxels(
+    # Cameras:
+    window: Window,
+    view: DepthView,
+    # In:
+    listed_in: wp.array[wp.vec4i],
+    bounds_in: wp.array3d[wp.vec2],
+    # Out:
+    blocks_out: Blocks,
+    marks_out: wp.array2d[wp.uint8],
+    marked_slots_out: wp.array[wp.uint8],
+    summaries_out: wp.array[wp.int32],
+):
+    """Update and summarize a listed block per thread, as `occupancy.update_voxels` and `summarize_blocks` do."""
+    row, i, _j = wp.tid()
+    row, i = locate(window, row, i)
+
+    block = wp.vec3i(listed_in[row][0], listed_in[row][1], listed_in[row][2])
+    half = wp.float64(0.5) * blocks_out.cell
+    center = block_corner(view, blocks_out, block) + wp.vec3d(half, half, half)
+    slot = blocks_out.slot[block[0], block[1], block[2]]
+    update = listed_in[row][3]
+    summaries_out[row] = update_block(view, blocks_out, slot, update, center, bounds_in, marks_out, marked_slots_out)

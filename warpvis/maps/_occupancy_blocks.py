@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Storage of an occupancy map: a grid of blocks that grows, and voxels of the blocks that are not uniform."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.core.arrays import empty
+from warpvis.core.kernel_cache import launch
+from warpvis.errors import ArrayError
+
+if TYPE_CHECKING:
+    from warpvis.kernels.maps.occupancy import Blocks
+
+# Blocks that a grid grows by beyond what is needed, since cameras move on.
+_MARGIN = 8
+
+# A grid of this many blocks takes 1.6 GB.
+_MAX_BLOCKS = 2**28
+
+_MIN_SLOTS = 1024
+
+
+class BlockStorage:
+    """Blocks of voxels on a device; see `warpvis.kernels.maps.occupancy`."""
+
+    def __init__(self, cell_size: float, device: wp.Device) -> None:
+        """Create a grid without blocks."""
+        from warpvis.kernels.maps import occupancy as kernels
+
+        self.device = device
+        self.cell_size = cell_size
+        self.first = np.zeros(3, dtype=np.int64)
+        self.slot = self._full((0, 0, 0), wp.int32, -1)
+        self.uniform = self._full((0, 0, 0), wp.int16, int(kernels.NEVER_SEEN))
+        self.voxels = self._full((0, kernels.VOXELS), wp.int16, 0)
+        self.marks = self._full((0, kernels.VOXELS), wp.uint8, 0)
+        self.marked_slots = self._full((0,), wp.uint8, 0)
+        self._free = self._full((0,), wp.int32, 0)
+        self._free_count = 0
+
+    def _full(self, shape: tuple[int, ...], dtype: type, value: int) -> wp.array:
+        array = empty(shape, dtype, name="the map", device=self.device)
+        array.fill_(value)
+        return array
+
+    @property
+    def size(self) -> NDArray[np.int64]:
+        """Number of blocks along x, y and z."""
+        return np.array(self.slot.shape)
+
+    @property
+    def block_side(self) -> float:
+        """Side of a block [m]."""
+        from warpvis.kernels.maps.occupancy import SIDE
+
+        return SIDE * self.cell_size
+
+    @property
+    def used_slots(self) -> int:
+        """Number of blocks that are not uniform."""
+        return len(self.voxels) - self._free_count
+
+    def struct(self) -> Blocks:
+        """Return the blocks as a kernel argument."""
+        from warpvis.kernels.maps.occupancy import Blocks
+
+        blocks = Blocks()
+        blocks.first, blocks.cell = wp.vec3i(*self.first.tolist()), self.cell_size
+        blocks.slot, blocks.uniform, blocks.voxels = self.slot, self.uniform, self.voxels
+        return blocks
+
+    def include(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
+        """Grow the grid to include blocks from `low` to below `high`, counted from the world's origin."""
+        from warpvis.kernels.maps import occupancy as kernels
+
+        if not self.slot.size:
+            self.first = low - _MARGIN
+            end = self.first
+        else:
+            end = self.first + self.size
+        if (low >= self.first).all() and (high <= end).all():
+            return
+        first = np.where(low < self.first, low - _MARGIN, self.first)
+        end = np.where(high > end, high + _MARGIN, end)
+        shape = tuple((end - first).tolist())
+        if np.prod(shape) > _MAX_BLOCKS:
+            sides = (end - first) * kernels.SIDE * self.cell_size
+            raise ArrayError(
+                f"the map must have at most {_MAX_BLOCKS} blocks, got {' x '.join(f'{side:.0f}' for side in sides)} m "
+                f"in voxels of {self.cell_size} m; give it bounds or larger voxels"
+            )
+        slot, uniform = self._full(shape, wp.int32, -1), self._full(shape, wp.int16, int(kernels.NEVER_SEEN))
+        if self.slot.size:
+            starts = (self.first - first).tolist()
+            x, y, z = (slice(start, start + count) for start, count in zip(starts, self.slot.shape, strict=True))
+            slot[x, y, z].assign(self.slot)
+            uniform[x, y, z].assign(self.uniform)
+        self.first, self.slot, self.uniform = first, slot, uniform
+
+    def fill(self, listed: wp.array, count: int) -> None:
+        """Give slots to those of the listed blocks that have none, `count` blocks."""
+        from warpvis.kernels.maps import occupancy as kernels
+
+        if not count:
+            return
+        if self._free_count < count:
+            self._make_room(count)
+        self._free_count -= count
+        free = self._free[self._free_count : self._free_count + count]
+        launch(
+            kernels.fill_blocks, len(listed), [listed, free, self.struct(), self._full((1,), wp.int32, 0)], self.device
+        )
+
+    def _make_room(self, count: int) -> None:
+        """Add slots until `count` are free."""
+        old = len(self.voxels)
+        slots = max(_MIN_SLOTS, old + old // 2, old - self._free_count + count)
+        voxels, marks = (self._full((slots, self.voxels.shape[1]), dtype, 0) for dtype in (wp.int16, wp.uint8))
+        if old:
+            wp.copy(voxels, self.voxels, count=self.voxels.size)
+        free = np.concatenate([self._free.numpy()[: self._free_count], np.arange(old, slots)])
+        self.voxels, self.marks, self.marked_slots = voxels, marks, self._full((slots,), wp.uint8, 0)
+        self._free = self._full((slots,), wp.int32, 0)
+        self._free_count = len(free)
+        wp.copy(self._free, wp.array(free, dtype=wp.int32, device=self.device), count=len(free))
+
+    def release(self, listed: wp.array, summaries: wp.array) -> None:
+        """Take the slots of listed blocks whose voxels all have the same value."""
+        from warpvis.kernels.maps import occupancy as kernels
+
+        count = self._full((1,), wp.int32, 0)
+        inputs = [listed, summaries, self.struct(), self._free[self._free_count :], count]
+        launch(kernels.release_blocks, len(listed), inputs, self.device)
+        self._free_count += int(count.numpy()[0])

@@ -1,0 +1,244 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Occupancy maps: what measured depth images show of space, and what they do not."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import warp as wp
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.cameras.depth_images import read_images
+from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.core.arrays import as_numpy, as_points, check_length, empty, get_device
+from warpvis.core.checks import check_number, is_number
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices
+from warpvis.core.threads import launch_images, launch_points
+from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
+from warpvis.errors import ArrayError
+from warpvis.maps._depth_sigma import Sigma
+from warpvis.maps._floor_map import count_cells
+from warpvis.maps._occupancy_blocks import BlockStorage
+from warpvis.maps._occupancy_views import Integrator
+from warpvis.maps._voxel_map import VoxelMap
+
+if TYPE_CHECKING:
+    from warpvis.kernels.pinhole import Window
+
+# Share of a voxel by which bounds that are multiples of its side may differ from them.
+_ROUNDING = 1e-6
+
+
+class OccupancyMap:
+    """Voxels that count how often depth images show them occupied and free, as log-odds (OctoMap).
+
+    The state of a voxel is
+
+    - `Voxel.UNKNOWN` if it was in no image, or only in pixels without a measurement;
+    - `Voxel.HIDDEN` if it was in an image, but always behind the visible surface;
+    - `Voxel.SURFACE` if its probability of being occupied is at least 0.5;
+    - `Voxel.FREE` otherwise.
+
+    The map grows with the images. Space is divided into blocks of 8 x 8 x 8 voxels, and blocks whose voxels all have
+    the same value take 6 bytes. Voxel ``(i, j, k)`` extends from ``(i, j, k) * cell_size`` to one voxel farther.
+    """
+
+    def __init__(
+        self,
+        cell_size: float = 0.02,
+        *,
+        bounds: ArrayLike | None = None,
+        hit: float = 0.7,
+        miss: float = 0.4,
+        minimum: float = 0.12,
+        maximum: float = 0.97,
+        up: Literal["z", "y"] = "z",
+        device: DeviceLike = None,
+    ) -> None:
+        """Create an empty map.
+
+        Args:
+            cell_size: Side of a voxel [m].
+            bounds: Lower and upper corner of the space to map [m], shape ``(2, 3)``; everything that the images contain
+                by default. Blocks on the boundary are mapped.
+            hit: Probability that a voxel is occupied if an image shows a surface in it, above 0.5.
+            miss: Probability that a voxel is occupied if an image shows a surface behind it, below 0.5.
+            minimum: Minimum probability of a voxel. The nearer it is to 0.5, the fewer hits make a free voxel occupied:
+                three by default.
+            maximum: Maximum probability of a voxel. The nearer it is to 0.5, the fewer misses make an occupied voxel
+                free: nine by default.
+            up: The world's vertical axis.
+            device: Device of the map and of its computations.
+        """
+        self._device = get_device(device)
+        check_up(up)
+        self._up = up
+        self._blocks = BlockStorage(check_length(cell_size, "cell_size", zero=False), self._device)
+        log_odds = {
+            "hit": _log_odds(hit, "hit", 0.5, 1.0),
+            "miss": _log_odds(miss, "miss", 0.0, 0.5),
+            "minimum": _log_odds(minimum, "minimum", 0.0, 0.5),
+            "maximum": _log_odds(maximum, "maximum", 0.5, 1.0),
+        }
+        box = None if bounds is None else _check_bounds(bounds)
+        self._integrator = Integrator(self._blocks, box, log_odds)
+
+    @property
+    def cell_size(self) -> float:
+        """Side of a voxel [m]."""
+        return self._blocks.cell_size
+
+    @property
+    def up(self) -> Literal["z", "y"]:
+        """The world's vertical axis."""
+        return self._up
+
+    @property
+    def device(self) -> wp.Device:
+        """Device of the map."""
+        return self._device
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper corner of the space that may be known [m], shape ``(2, 3)``; zeros for an empty map."""
+        blocks = self._blocks
+        return np.stack([blocks.first, blocks.first + blocks.size]) * blocks.block_side
+
+    def integrate(
+        self,
+        depth: ArrayInput,
+        camera: ImageCamera,
+        camera_to_world: PoseLike,
+        *,
+        sigma: Sigma = 0.0,
+        max_range: float = 5.0,
+        convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
+        threads: int | None = None,
+    ) -> None:
+        """Add depth images to the map, one after the other.
+
+        A voxel is judged by the pixel that contains its center. It is hit if the interval of depth that contains the
+        pixel's surface overlaps with it, free if it is in front of the interval, and hidden if it is behind. The
+        interval is one standard deviation to either side of the measured depth, and includes the depth at the pixel's
+        borders on a surface that continues there, such as a floor at a grazing angle. Voxels that contain the point
+        of any pixel are hit, too. The camera's `near`, its `far` and `max_range` limit the depth of all voxels that an
+        image changes.
+
+        Args:
+            depth: Depth of each view [m], measured or rendered, as for `warpvis.point_visibility_from_depth`.
+            camera: The camera of the images.
+            camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+            sigma: Standard deviation of depth: a number of meters, a model of `warpvis.sensors`, or a function that
+                takes depths [m], an array, and returns standard deviations [m]; 0 for exact depth.
+            max_range: Maximum depth [m]; greater depths only show that the space up to there is free.
+            convention: Axes of the camera frame of the poses.
+            quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
+            threads: Number of CPU threads; all cores by default.
+        """
+        reach = check_length(max_range, "max_range", zero=False)
+        images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, self.device)
+        matrices = poses_to_matrices(poses.numpy().astype(np.float64))
+        self._integrator.add(images, camera, matrices, sigma, min(reach, camera.far), threads)
+
+    def decay(self, factor: float) -> None:
+        """Multiply all log-odds by a factor from 0 to 1, so that the map forgets what it has not seen again.
+
+        Args:
+            factor: For example ``0.5 ** (elapsed / half_life)``.
+        """
+        from warpvis.kernels.maps import occupancy as kernels
+
+        share = check_number(factor, "factor", minimum=0.0, maximum=1.0)
+        rows = self._blocks.voxels.reshape((1, *self._blocks.voxels.shape))
+        for values in (self._blocks.uniform, rows):
+            inputs = share, values
+            launch_images(kernels.fade, values.shape, partial(_with_window, inputs), device=self.device)
+
+    def states(self, points: ArrayInput, *, threads: int | None = None) -> wp.array:
+        """Return the `Voxel` state at points in the world [m], shape ``(N, 3)``, as ``(N,)`` uint8."""
+        return self._look_up(points, wp.uint8, threads)
+
+    def probabilities(self, points: ArrayInput, *, threads: int | None = None) -> wp.array:
+        """Return the probability that points in the world [m], shape ``(N, 3)``, are in occupied voxels.
+
+        Returns:
+            Probabilities, ``(N,)`` float32; NaN in voxels that are UNKNOWN or HIDDEN.
+        """
+        return self._look_up(points, wp.float32, threads)
+
+    def _look_up(self, points: ArrayInput, dtype: type, threads: int | None) -> wp.array:
+        from warpvis.kernels.maps import occupancy as kernels
+
+        places = as_points(points, "points", "N", self.device)
+        result = empty((len(places),), dtype, name="the result", device=self.device)
+        states, probabilities = (result, None) if dtype is wp.uint8 else (None, result)
+        inputs = [self._blocks.struct(), places, states, probabilities]
+        launch_points(
+            kernels.write_states_at,
+            (1, len(places)),
+            partial(_with_window, inputs),
+            device=self.device,
+            threads=threads,
+        )
+        return result
+
+    def voxel_map(
+        self,
+        bounds: ArrayLike | None = None,
+        *,
+        ground_height: float = 0.0,
+        ground_tolerance: float = 0.03,
+        threads: int | None = None,
+    ) -> VoxelMap:
+        """Return the states of a box as a dense array.
+
+        Args:
+            bounds: Lower and upper corner [m], shape ``(2, 3)``, extended to whole voxels; by default `bounds`.
+            ground_height: Height of the floor [m].
+            ground_tolerance: Height above the floor below which the center of a voxel of the ground is [m]. Surfaces
+                below are `Label.GROUND`, others `Label.OBSTACLE`.
+            threads: Number of CPU threads; all cores by default.
+
+        Returns:
+            A copy on the map's device.
+        """
+        from warpvis.kernels.maps import occupancy as kernels
+
+        box = self.bounds if bounds is None else _check_bounds(bounds)
+        first = np.floor(box[0] / self.cell_size + _ROUNDING).astype(np.int64)
+        size = np.ceil(box[1] / self.cell_size - _ROUNDING).astype(np.int64) - first
+        count_cells(size * self.cell_size, self.cell_size, "a grid", "voxels")
+        up_axis = check_up(self.up)
+        ground = check_length(ground_height, "ground_height", signed=True)
+        top = (ground + check_length(ground_tolerance, "ground_tolerance")) / self.cell_size - 0.5
+        levels = max(0, math.ceil(top) - int(first[up_axis]))
+        states, labels = (empty(tuple(size.tolist()), wp.uint8, name="the map", device=self.device) for _ in range(2))
+        inputs = [self._blocks.struct(), wp.vec3i(*first.tolist()), up_axis, levels, states, labels]
+        launch_images(
+            kernels.write_states, states.shape, partial(_with_window, inputs), device=self.device, threads=threads
+        )
+        x, y, z = (first * self.cell_size).tolist()
+        return VoxelMap(states, labels, (x, y, z), self.cell_size, self.up)
+
+
+def _with_window(inputs: KernelArguments, window: Window) -> KernelArguments:
+    return [window, *inputs]
+
+
+def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
+    corners = as_numpy(bounds, name="bounds").astype(np.float64)
+    if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
+        raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
+    return corners
+
+
+def _log_odds(probability: object, name: str, low: float, high: float) -> float:
+    """Return the log-odds of a probability between two others."""
+    if not is_number(probability) or not low < probability < high:
+        raise ArrayError(f"{name} must be a probability between {low} and {high}, got {probability!r}")
+    return math.log(probability / (1.0 - probability))
