@@ -26,6 +26,12 @@ _FIRST_PIXELS = 1.5
 _MAX_TANGENT = 20
 """Largest tangent of the field of view to one side of the optical axis: 87 degrees."""
 
+_SAME_SIZE = 0.06
+"""Maximum distance of a principal point from the middle of the image, in half sizes; cameras are within this."""
+
+_OTHER_SCALE = 0.5
+"""Minimum binary logarithm of the scale between two image sizes."""
+
 
 def check_numbers(camera: Any, positive: str) -> None:
     """Check the fields of a camera with an image plane, a frozen dataclass, and convert them to int and float.
@@ -35,7 +41,10 @@ def check_numbers(camera: Any, positive: str) -> None:
     _make_sizes(camera)
     _make_floats(camera, ("fx", "fy", "cx", "cy"))
     if camera.fx <= 0 or camera.fy <= 0:
-        raise CameraError(f"{positive}, got fx={camera.fx}, fy={camera.fy}")
+        raise CameraError(
+            f"{positive}, got fx={camera.fx}, fy={camera.fy}; pass their absolute values, and for images with y up, as "
+            'OpenGL and ICL-NUIM have, poses with convention="opengl"'
+        )
     check_range(camera)
 
 
@@ -84,7 +93,12 @@ def check_matrix(k: ArrayLike, pixel_center: float) -> tuple[float, float, float
     """Return ``fx fy cx cy`` [px] for pixel centers at +0.5, from an intrinsic matrix for centers at `pixel_center`."""
     matrix = as_floats(k, "K")
     if matrix.shape != (3, 3):
-        raise CameraError(f"K must have shape (3, 3), got {matrix.shape}")
+        remedies = {(3, 4): "; pass K[:, :3]", (4, 4): "; pass K[:3, :3]", (9,): "; pass K.reshape(3, 3)"}
+        raise CameraError(f"K must have shape (3, 3), got {matrix.shape}{remedies.get(matrix.shape, '')}")
+    if np.any(matrix[2, :2] != 0) and not np.any(matrix[:2, 2]):
+        raise CameraError(
+            f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], got its transpose, {matrix.tolist()}; pass K.T"
+        )
     if np.any(matrix[[0, 1, 2, 2], [1, 0, 0, 1]] != 0) or matrix[2, 2] != 1:
         raise CameraError(
             f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew, got {matrix.tolist()}; "
@@ -105,13 +119,34 @@ def check_pixel_center(pixel_center: float) -> float:
 @lru_cache(maxsize=1024)  # warns once per camera: cameras that differ only in range are created repeatedly
 def warn_of_improbable(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
     """Warn about improbable intrinsics: for another image size, or divided by the image size."""
-    problem = ""
+    problem, scale = "", cx / width + cy / height
     if min(fx, fy) < 1:
         problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
+    elif _is_middle(cx, cy, height, width) and abs(width - height) > _SAME_SIZE * width:
+        problem = (
+            f"the principal point ({cx:g}, {cy:g}) is the middle of an image of {height} x {width} pixels, not of "
+            f"{width} x {height}: width comes before height"
+        )
+    elif scale > 0 and abs(math.log2(scale)) > _OTHER_SCALE and _is_middle(cx, cy, scale * width, scale * height):
+        problem = (
+            f"the principal point ({cx:g}, {cy:g}) is the middle of an image of {scale * width:.0f} x "
+            f"{scale * height:.0f} pixels, not of {width} x {height}: multiply fx, fy, cx and cy by {1 / scale:.3g}"
+        )
     elif not (0 <= cx <= width and 0 <= cy <= height):
         problem = f"the principal point ({cx:g}, {cy:g}) is outside of the image of {width} x {height} pixels"
+    elif min(width / fx, height / fy) > 2 * _MAX_TANGENT and _is_middle(cx, cy, width, height):
+        problem = (
+            f"focal lengths of fx={fx:g}, fy={fy:g} px are a field of view of "
+            f"{math.degrees(2 * math.atan(width / 2 / fx)):.0f} degrees: if they are in millimeters, multiply them "
+            "by the width of the image [px] and divide by that of the imager [mm]"
+        )
     if problem:
         warn_user(f"{problem}; are the intrinsics of an image of this size?", IntrinsicsWarning)
+
+
+def _is_middle(cx: float, cy: float, width: float, height: float) -> bool:
+    """Return whether a principal point is close to the middle of an image."""
+    return abs(2 * cx / width - 1) < _SAME_SIZE and abs(2 * cy / height - 1) < _SAME_SIZE
 
 
 def as_floats(value: object, name: str) -> NDArray[np.float64]:

@@ -43,6 +43,7 @@ def read_depth(
     device = get_device(device)
     if not on_gpu(depth):
         host = as_numpy(depth, name="depth")
+        refuse_color(host.shape, camera, "depth")
         check_meters(host, "depth", camera.near, camera.far if max_range is None else max_range)
         depth = depth if isinstance(depth, wp.array) else host
     if getattr(depth, "ndim", 0) == 2:
@@ -68,6 +69,12 @@ def read_images(
     return depth, poses
 
 
+def refuse_color(shape: tuple[int, ...], camera: ImageCamera, name: str) -> None:
+    """Raise `ArrayError` if an array has the shape of color images of a camera."""
+    if len(shape) > 2 and shape[-1] in (3, 4) and shape[-3:-1] == (camera.height, camera.width):
+        raise ArrayError(f"{name} must be depth images, (V, H, W), got color images of shape {shape}; pass the depth")
+
+
 def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
     """Check that depth is a float array in meters whose values are not obviously millimeters.
 
@@ -83,7 +90,13 @@ def check_meters(depth: NDArray, name: str, near: float, far: float) -> None:
         far: Maximum depth [m]; infinite if unknown.
     """
     if depth.dtype.kind != "f":
-        raise ArrayError(f"{name} must be in meters, a float array, got {depth.dtype}; divide millimeters by 1000")
+        remedy = "it may be a color image" if depth.dtype.itemsize == 1 else "divide millimeters by 1000"
+        raise ArrayError(f"{name} must be in meters, a float array, got {depth.dtype}; {remedy}")
+    if _is_gray(_sample(depth)) and _is_gray(depth):
+        raise ArrayError(
+            f"{name} must be in meters, got whole numbers up to {depth[depth < np.inf].max():g}, as gray images of 8 "
+            "bits have; pass the depth images, not their pictures"
+        )
     if not _in_millimeters(_sample(depth), near, far) or not _in_millimeters(depth, near, far):
         return
     median = float(np.median(_measured(depth)))
@@ -110,15 +123,24 @@ def _measured(depth: NDArray) -> NDArray:
     return depth[(depth > 0) & (depth < np.inf)]
 
 
+def _is_gray(depth: NDArray) -> bool:
+    """Return whether depth has the values of images of 8 bits."""
+    values = _measured(depth)
+    return bool(values.size and values.max() <= 255 and _are_whole(values))
+
+
+def _are_whole(values: NDArray) -> bool:
+    """Return whether values are many distinct integers, which measurements in meters never are."""
+    return not np.any(values != np.rint(values)) and len(np.unique(values)) >= _MANY_WHOLE_NUMBERS
+
+
 def _in_millimeters(depth: NDArray, near: float, far: float) -> bool:
     """Return whether depth has the statistics of millimeters, as `check_meters` describes."""
     values = _measured(depth)
     if not values.size:
         return False
     if math.isinf(far):
-        if np.median(values) < 1e3 * _MIN_MILLIMETER_DEPTH or np.any(values != np.rint(values)):
-            return False
-        return len(np.unique(values)) >= _MANY_WHOLE_NUMBERS
+        return bool(np.median(values) >= 1e3 * _MIN_MILLIMETER_DEPTH) and _are_whole(values)
     if np.mean(values > far) < _NEARLY_ALL or np.mean(values > _FAR_BEYOND * far) < _MAJORITY:
         return False
     lower = 1e3 * max(near, _MIN_MILLIMETER_DEPTH)

@@ -37,6 +37,8 @@ _MAX_COORDINATE = 1e30
 # Maximum deviation of a rotation from orthonormality: matrices printed with four decimals pass, scaled ones do not.
 _ROTATION_TOLERANCE = 1e-3
 
+_FINITE_REMEDY = "; leave out views without a pose, as Recording.posed does"
+
 LENGTH_TOLERANCE = 1e-3
 """Maximum deviation of the length of a quaternion from 1: quaternions printed with three decimals pass."""
 
@@ -95,9 +97,14 @@ def _axes_rotation(convention: Convention, axes: Convention) -> tuple[float, flo
     return x, y, z, w
 
 
+def opencv_frame(convention: Convention) -> NDArray[np.float64]:
+    """Return the pose of the OpenCV camera frame in that of a convention, shape ``(4, 4)``."""
+    return poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[convention]])
+
+
 def vectors_in_axes(vectors: NDArray[np.float64], source: Convention, axes: Convention) -> NDArray[np.float64]:
     """Convert vectors in a camera frame from the axes `source` to other axes."""
-    to_source, to_axes = (poses_to_matrices([0.0, 0.0, 0.0, *_OPENCV_TO[name]])[:3, :3] for name in (source, axes))
+    to_source, to_axes = (opencv_frame(name)[:3, :3] for name in (source, axes))
     return vectors @ (to_axes @ to_source.T).T
 
 
@@ -220,6 +227,7 @@ def _rotate_frames(poses: ArrayLike, rotation: tuple[float, ...] | None, name: s
     else:
         raise PoseError(
             f"{name} must have shape (V, 7), rows x y z qx qy qz qw, or (V, 4, 4), camera to world, got {array.shape}"
+            f"{_shape_remedy(array.shape)}"
         )
     rotation = _OPENCV_TO["opencv"] if rotation is None else rotation
     return np.concatenate([rows[:, :3], quaternion_product(rows[:, 3:], np.array(rotation))], axis=1)
@@ -374,17 +382,20 @@ def is_orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _check_rows(rows: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     problem, bad = find_invalid_rows(rows)
-    _reject(name, bad, problem)
+    _reject(name, bad, problem, _FINITE_REMEDY if problem == "must be finite" else "")
     length = np.linalg.norm(rows[:, 3:], axis=1)
     return np.concatenate([rows[:, :3], rows[:, 3:] / length[:, None]], axis=1)
 
 
 def _rows_from_matrices(matrices: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    _reject(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite")
-    _reject(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1")
+    _reject(name, ~np.isfinite(matrices).all(axis=(1, 2)), "must be finite", _FINITE_REMEDY)
+    transposed = bool((matrices[:, :, 3] == [0, 0, 0, 1]).all()) and len(matrices) > 0
+    hint = "; they are transposed: swap their last two axes" if transposed else ""
+    _reject(name, (matrices[:, 3] != [0, 0, 0, 1]).any(axis=1), "must have the last row 0 0 0 1", hint)
     rotation = matrices[:, :3, :3]
-    _reject(name, ~is_orthonormal(rotation), "must be rotations without scale")
-    _reject(name, np.linalg.det(rotation) < 0, "must be rotations, not mirrors")
+    _reject(name, ~is_orthonormal(rotation), "must be rotations without scale", "; divide the 3 x 3 parts by it")
+    mirrored = np.linalg.det(rotation) < 0
+    _reject(name, mirrored, "must be rotations, not mirrors", "; negate an axis of the left-handed frame")
     return np.concatenate([matrices[:, :3, 3], _quaternions(rotation)], axis=1)
 
 
@@ -403,8 +414,16 @@ def _quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows / np.linalg.norm(rows, axis=1, keepdims=True)
 
 
-def _reject(name: str, bad: ArrayLike, requirement: str) -> None:
+def _shape_remedy(shape: tuple[int, ...]) -> str:
+    """Return the end of an error message about poses of a common other shape."""
+    if shape[-2:] == (3, 4):
+        return "; append the row 0 0 0 1 to each matrix"
+    remedies = {8: "omit the column of times", 6: "convert angles to quaternions", 12: "reshape to (V, 3, 4)"}
+    return f"; {remedies[shape[-1]]}" if shape and len(shape) <= 2 and shape[-1] in remedies else ""
+
+
+def _reject(name: str, bad: ArrayLike, requirement: str, remedy: str = "") -> None:
     indices = np.flatnonzero(bad)
     if len(indices):
         first = ", ".join(map(str, indices[:5])) + (", ..." if len(indices) > 5 else "")
-        raise PoseError(f"{name} {requirement}: wrong in {len(indices)} of {np.size(bad)}, at index {first}")
+        raise PoseError(f"{name} {requirement}: wrong in {len(indices)} of {np.size(bad)}, at index {first}{remedy}")

@@ -247,8 +247,10 @@ def decode_units(source: Path | BinaryIO, kind: str, place: object) -> NDArray[A
     if kind == "TIFF" and mode == "F":
         return image
     if mode not in ("I;16", "I;16B", "I"):
+        remedy = "pass the depth images, not color images" if mode.startswith(("RGB", "P", "CMYK")) else ""
+        remedy = remedy or "pass the depth images, not pictures of them"
         raise FileFormatError(
-            f"{place}: expected a gray {kind} of 16 bits, as depth cameras' programs write, got mode {mode}"
+            f"{place}: expected a gray {kind} of 16 bits, as depth cameras' programs write, got mode {mode}; {remedy}"
         )
     return image.astype(np.uint16)  # Pillow returns 32 bits for some of these files
 

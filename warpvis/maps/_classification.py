@@ -18,10 +18,11 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.arrays import as_numpy, as_warp, check_length, check_out, on_gpu, take_out
 from warpvis.core.checks import check_number
 from warpvis.core.labels import Label, LabelNames
-from warpvis.core.poses import Convention, QuaternionOrder, check_up
+from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_up
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.maps._depth_sigma import Sigma, fit_sigma
+from warpvis.maps._floor_check import check_floor
 from warpvis.maps._floor_fit import FloorFit
 from warpvis.rendering import launch_back_project, launch_classify, launch_label_objects
 from warpvis.scene import Scene, require_scene
@@ -158,6 +159,9 @@ def classify(
     ground.below_label = _LABELS.number(below_label)
     ground.height = check_length(ground_height, "ground_height", signed=True)
     _set_plane(ground, check_up(up), floor)
+    if depth.device.is_cpu and floor is None and ground.below_label == Label.GROUND:
+        plane = np.array([*map(float, ground.normal), float(ground.offset) - ground.height])
+        check_floor(depth.numpy(), camera, poses.numpy().reshape(-1, 7), plane, reach, check_convention(convention))
     balls, sphere_count = _device_spheres(spheres, depth.device)
     labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
     if spheres_out is not None:

@@ -17,19 +17,34 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pose_meaning import refuse_other_meaning
 from warpvis.core.arrays import check_length, empty_images
-from warpvis.core.checks import check_flag, check_number, check_whole
+from warpvis.core.checks import check_flag, check_number, check_whole, format_percent
 from warpvis.core.pose_order import warn_of_order
-from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, to_xyzw
+from warpvis.core.poses import (
+    Convention,
+    QuaternionOrder,
+    check_convention,
+    poses_to_matrices,
+    poses_to_opencv,
+    to_xyzw,
+)
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
 from warpvis.maps._depth_sigma import KNOTS, Sigma, tabulate_sigma
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.worlds import parse_worlds
+from warpvis.scene.worlds import parse_worlds, part_of
+
+# Views whose poses are checked, and difference of depths of the same surface: constant [m], and by depth.
+_CHECKED_VIEWS, _CONSTANT, _BY_DEPTH = 3, 0.05, 0.03
+
+# Fraction of agreeing pixels below which the input is probably wrong.
+_LOW_AGREEMENT = 0.2
 
 # Largest half side of the window of expected depths [px].
 _MAX_EDGE = 32
@@ -198,6 +213,26 @@ def compare_depth(
         )
 
     result = compare(())
+    if scene.device.is_cpu and count:
+        chosen = np.unique(np.linspace(0, count - 1, min(count, _CHECKED_VIEWS)).astype(int))
+        part = part_of(worlds, chosen)
+
+        def agreement(matrices: NDArray[np.float64]) -> float:
+            rows = poses_to_opencv(matrices).astype(np.float32)
+            seen = renderer.render_parsed(wp.array(rows, dtype=wp.transform, device=scene.device), part).depth
+            assert seen is not None  # for type checkers
+            measured = result["labels"].numpy()[chosen] != Agreement.NO_MEASUREMENT
+            found, expected = images.numpy()[chosen][measured], seen.numpy()[measured]
+            return float((np.abs(found - expected) < _CONSTANT + _BY_DEPTH * found).mean()) if measured.any() else 1.0
+
+        matrices = poses_to_matrices(poses.numpy().reshape(-1, 7)[chosen])
+        agreed = refuse_other_meaning(matrices, agreement, check_convention(convention), "the scene", world=True)
+        if agreed < _LOW_AGREEMENT:
+            warn_user(
+                f"only {format_percent(agreed)} of the pixels agree with the scene: check its units, the poses and the "
+                "camera, that no camera is inside of an object, and that depth is not disparity",
+                UserWarning,
+            )
 
     def evidence(without: Sequence[int]) -> Evidence:
         """Return the images in host memory."""

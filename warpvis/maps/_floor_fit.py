@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.cameras.depth_images import check_meters
+from warpvis.cameras.depth_images import check_meters, refuse_color
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_point, check_length, check_shape, freeze
 from warpvis.core.checks import check_angle, check_number, check_whole
@@ -170,7 +170,7 @@ def fit_floor(
     if not planes:
         raise ArrayError(
             f"measured must show a floor: no plane of {_MIN_AREA} m^2 is within {math.degrees(prior.tolerance):.0f} "
-            "degrees of up; check the units, the camera and up"
+            "degrees of up; check the units, the camera and up, and pass depth, not disparity"
         )
     choice = choose_floor(planes, prior)
     surface = fit_surface(cells, choice.floor)
@@ -211,6 +211,7 @@ def _read_points(measured: ArrayInput, camera: ImageCamera | None, matrix: NDArr
             )
         return values - matrix[:3, 3]
     require_image_camera(camera)
+    refuse_color(values.shape, camera, "measured")
     check_meters(values, "measured", camera.near, camera.far)
     image = values[0] if values.ndim == 3 and len(values) == 1 else values
     check_shape(image.shape, (camera.height, camera.width), name="measured")
@@ -233,7 +234,8 @@ def _choose_rows(points: NDArray[np.float64]) -> NDArray[np.float64]:
     rows = rows[squared < _MAX_DISTANCE**2]
     if len(rows) < _MIN_POINTS:
         raise ArrayError(
-            f"measured must have {_MIN_POINTS} points within {_MAX_DISTANCE:g} m of the camera, got {len(rows)}"
+            f"measured must have {_MIN_POINTS} points within {_MAX_DISTANCE:g} m of the camera, got {len(rows)}; "
+            "check the units and the range of the camera"
         )
     return rows
 

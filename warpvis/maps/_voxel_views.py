@@ -19,10 +19,19 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.depth_images import read_images, read_labels
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
+from warpvis.cameras.pose_meaning import refuse_inconsistent_views
 from warpvis.core.arrays import as_numpy, check_length, empty
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
-from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
+from warpvis.core.poses import (
+    Convention,
+    QuaternionOrder,
+    check_convention,
+    check_up,
+    parse_poses,
+    poses_to_matrices,
+    to_xyzw,
+)
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
@@ -102,6 +111,9 @@ def voxel_map(
     if out is not None and device is None:
         device = require_map(out, "out").states.device
     images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
+    if images.device.is_cpu:
+        given = check_convention(convention)
+        refuse_inconsistent_views(images.numpy(), camera, poses.numpy().reshape(-1, 7), given)
     pixel_labels = None if labels is None else read_labels(labels, images.shape, images.device)
     if out is not None and ground_labels is None:
         ground_labels = require_map(out, "out").ground_labels

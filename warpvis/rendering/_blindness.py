@@ -21,6 +21,9 @@ _PIXELS = 256
 # Maximum smallest extent of an object that may enclose a camera, in multiples of the camera's `near`.
 _MAX_NEARS = 4.0
 
+# Minimum distance of cameras with positions in millimeters, in multiples of the scene's size.
+_FAR_AWAY = 10.0
+
 # Maximum number of cameras without a valid depth that are tested for being inside objects.
 _MAX_EYES = 8
 
@@ -36,19 +39,32 @@ def find_blind(views: Views) -> tuple[bool, NDArray[np.intp]]:
     return not np.isfinite(sample).any() and not np.isfinite(depth).any(), too_near
 
 
-def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_]) -> None:
-    """Warn if an invisible scene appears to be in millimeters.
+def warn_of_units(scene: Scene, far: float, seen: NDArray[np.bool_], poses: NDArray[np.float32]) -> None:
+    """Warn if an invisible scene, or positions of cameras, appear to be in millimeters.
 
     Args:
         scene: The scene.
         far: The camera's maximum depth [m].
         seen: Mask of the objects that are not excluded, shape ``(objects,)``.
+        poses: The cameras' poses, shape ``(V, 7)``.
     """
-    if not seen.any() or math.isinf(far):
+    if not seen.any() or not len(poses):
         return
     boxes = np.array([item.bounds for item, included in zip(scene.objects, seen, strict=True) if included])
-    size = boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)
-    if too_large_for(size, far):
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    size = high - low
+    reach = float(size.max())
+    distances, scaled = (
+        np.linalg.norm(np.maximum(np.maximum(low - eyes, eyes - high), 0), axis=1)
+        for eyes in (poses[:, :3], poses[:, :3] / 1000)
+    )
+    if distances.min() > max(_FAR_AWAY * reach, min(far, 1e6)) and scaled.max() <= reach:
+        warn_user(
+            f"no surface is visible in any view: the cameras are {distances.min():.4g} m or more away from the scene. "
+            "If their positions are in millimeters, divide them by 1000",
+            UserWarning,
+        )
+    elif math.isfinite(far) and too_large_for(size, far):
         spans = " x ".join(f"{side:.4g}" for side in size)
         warn_user(
             f"no surface is visible in any view: the scene spans {spans} m, and the camera's far is {far:.4g} m. If "

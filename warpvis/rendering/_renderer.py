@@ -511,7 +511,7 @@ def render(
                 poses = host_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"))
                 seen = seen_objects(scene, parse_worlds(scene, len(poses), None, None, exclude).excluded)
                 if not len(blind):
-                    warn_of_units(scene, camera.far, seen)
+                    warn_of_units(scene, camera.far, seen, poses)
                 warn_of_eyes_inside(scene, camera.near, poses, blind, seen)
     return views
 

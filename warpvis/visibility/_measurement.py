@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera
-from warpvis.core.checks import as_items, is_number
+from warpvis.core.checks import as_items, is_number, pluralize
 from warpvis.core.labels import LabelNames, Visibility
-from warpvis.core.poses import QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering import warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._agents import Agent, Situations
@@ -84,6 +86,7 @@ def perspective(
     visible, _, silhouette, _, _ = counts
     fraction = visible / np.maximum(silhouette, 1)
     status = _status(counts, (visible >= min_pixels) & (fraction >= min_fraction))
+    _warn_of_blind_agents(scene, agents, status, moves=object_poses is not None)
     items = scene.objects
     return Perspective(
         agents=tuple(agent.name for agent in agents),
@@ -103,6 +106,32 @@ def perspective(
         _parts=tuple(parts),
         _boxes=boxes,
     )
+
+
+def _warn_of_blind_agents(scene: Scene, agents: Sequence[Agent], status: NDArray[np.uint8], *, moves: bool) -> None:
+    """Warn of agents that see nothing, with the likely reason: far away, inside an object, or below the floor."""
+    fixed = np.array([not (moves and item.movable) for item in scene.objects])
+    ground = [item.bounds for item in scene.objects if item.label in scene.ground_labels]
+    axis = check_up(scene.up)
+    lowest = min((float(box[0, axis]) for box in ground), default=-np.inf)
+    for agent, states in zip(agents, status, strict=True):
+        poses, camera = agent.poses.astype(np.float32), agent.faces[0].camera
+        below = agent.poses[:, axis] < lowest
+        if below.any():
+            warn_user(
+                f"agent {agent.name!r} is below the floor in {pluralize(int(below.sum()), 'pose')}, at {'xyz'[axis]} = "
+                f"{agent.poses[below][0, axis]:.3g} m: the lowest ground is at {lowest:.3g} m; check the axes of the "
+                "world and the height of the agent",
+                UserWarning,
+            )
+            continue
+        blind = np.flatnonzero(~(states == Visibility.VISIBLE).any(axis=1))
+        if len(blind):
+            seen = fixed & np.array([item.name not in (*agent.body, *agent.excluded) for item in scene.objects])
+            if len(blind) == len(states):
+                warn_of_units(scene, camera.far, seen, poses)
+            views = blind if len(poses) == len(states) else np.zeros(1, dtype=np.intp)
+            warn_of_eyes_inside(scene, camera.near, poses, views, seen)
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,7 @@ def object_visibility(
         seen, status = seen_objects(scene, worlds.excluded), found.status.numpy()
         unseen = ~(status == Visibility.VISIBLE).any(axis=1)
         if unseen.all() and not (status == Visibility.OCCLUDED).any():
-            warn_of_units(scene, camera.far, seen)
+            warn_of_units(scene, camera.far, seen, poses.numpy())
         blind = unseen & (status == Visibility.TOO_NEAR).any(axis=1)
         if object_poses is not None:
             seen &= ~np.array([item.movable for item in scene.objects])

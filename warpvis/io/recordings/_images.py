@@ -21,6 +21,9 @@ from warpvis.io.recordings._poses import TIME_TOLERANCE, numbers_of, poses_at, r
 
 _DEPTH_FOLDERS = ("depth", "depths")
 
+# Maximum relative difference between the medians of the times of images and poses in other units.
+_SAME_TIME = 0.01
+
 # Pose files that a recording may have in its folder; the first existing one is read.
 _POSE_FILES = ("groundtruth.txt", "trajectory.txt", "poses.txt", "transforms.json", *COLMAP_PATHS)
 
@@ -67,6 +70,8 @@ def join_poses(found: Found, poses: Path, content: tuple[Frames, FilePoses] | No
     elif times is not None and frames.source["format"] != "npy" and _overlap(times, frames.timestamps):
         rows = poses_at(times, frames.timestamps, frames.camera_to_world)
         problem = f"has no pose within {TIME_TOLERANCE} s of the time of an image"
+    elif times is not None and (problem := _other_unit(times, frames.timestamps)):
+        raise FileFormatError(f"{poses}: {problem}")
     elif len(frames) == len(depths):
         rows, problem = frames.camera_to_world, ""
     else:
@@ -84,6 +89,17 @@ def _with_poses(found: Found, rows: NDArray[np.float64], frames: Frames | None, 
     if camera is None and frames is not None and frames.camera is not None:
         camera, origin = frames.camera, poses.name
     return replace(found, camera_to_world=rows, camera=camera, camera_source=origin)
+
+
+def _other_unit(times: NDArray[np.float64], pose_times: NDArray[np.float64]) -> str:
+    """Return what is wrong if the times of images or poses are apparently not in seconds; else an empty string."""
+    image_time, pose_time = float(np.median(times)), float(np.median(pose_times))
+    for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
+        if abs(image_time - factor * pose_time) < _SAME_TIME * image_time:
+            return f"times of images, their names, must be in seconds as those of the poses, got {unit}; rename them"
+        if abs(pose_time - factor * image_time) < _SAME_TIME * pose_time:
+            return f"times of poses must be in seconds as those of the images, got {unit}; divide them by {factor:g}"
+    return ""
 
 
 def _overlap(times: NDArray[np.float64], pose_times: NDArray[np.float64]) -> bool:

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from pathlib import Path
 from typing import Literal, get_args
@@ -101,8 +100,9 @@ def open_recording(
         check_choice(file_format, "file_format", get_args(RecordingFormat), FileFormatError)
     if camera is not None:
         require_image_camera(camera)
-    if unit is not None and not 0 < check_number(unit, "unit", minimum=0.0) < math.inf:
-        raise ArrayError(f"unit must be the length of a unit above 0 m, got {unit!r}")
+    if unit is not None and not 0 < check_number(unit, "unit", minimum=0.0) <= 1:
+        remedy = f"; for {unit:g} units per meter, pass 1 / {unit:g}" if unit > 1 else ""
+        raise ArrayError(f"unit must be the length of a unit, above 0 and at most 1 m, got {unit!r}{remedy}")
     pose_file = None if poses is None else as_path(poses, "poses")
     if pose_file is not None and pose_file.is_dir() and not (pose_file / "metadata.yaml").is_file():
         raise FileFormatError(f"{pose_file}: must be a file of poses, got a folder")

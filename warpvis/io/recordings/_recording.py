@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.depth_images import check_meters
 from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pose_meaning import refuse_inconsistent_views
 from warpvis.core.types import Json
-from warpvis.errors import ArrayError, FileFormatError
+from warpvis.core.user_warnings import warn_user
+from warpvis.errors import ArrayError, FileFormatError, PoseError
 
 _LONG_RANGE = 10.0
 """Depth that most pixels of a depth camera never exceed tenfold [m], for cameras without `far`."""
@@ -159,7 +161,8 @@ class Recording:
 
         Returns:
             Depth [m], shape ``(N, H, W)``, NaN where the sensor has no measurement, and `camera_to_world`, shape
-            ``(N, 7)``, NaN where no pose is known: these frames are left out by ``recording.posed().stack()``.
+            ``(N, 7)``, NaN where no pose is known: these frames are left out by ``recording.posed().stack()``. A
+            warning is issued if the views contradict each other, and would not if the poses had another meaning.
 
         Raises:
             FileFormatError: If an image is missing, damaged, of another size, or not in meters; the message names it.
@@ -167,6 +170,10 @@ class Recording:
         depth = np.empty((len(self), self.camera.height, self.camera.width), dtype=np.float32)
         for index, frame in enumerate(self):
             depth[index] = frame.depth
+        try:
+            refuse_inconsistent_views(depth, self.camera, self.camera_to_world)
+        except PoseError as error:
+            warn_user(f"recording {self.source.get('file')!r}: {error}", UserWarning)
         return depth, self.camera_to_world.copy()
 
     def _take(self, rows: NDArray[np.integer]) -> Recording:
