@@ -49,7 +49,6 @@ RENAMED_NAMES = {
 RENAMED_OPTIONS = (
     ("world", "world_index", "render", "Frames"),
     ("cell", "cell_size", "floor_map", "voxel_map", "voxel_map_from_scene"),
-    ("sigma", "ground_tolerance", "classify"),
     ("sigma", "level_tolerance", "floor_map"),
     ("size", "diameter", "maps.Sphere"),
     ("most", "max_distance", "planning.clearance"),
