@@ -129,6 +129,23 @@ def test_own_body_hides_things_except_for_the_head(device):
     assert seen.visible[2, 0, :2].all()
 
 
+def test_moving_arm_hides_what_geometry_says():
+    """An arm sweeps past a robot's camera; the board's visible fraction follows from the arm's shadow on it."""
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((0.001, 0.1, 0.4)), name="arm", label="robot", movable=True)
+    scene.add(trimesh.creation.box(BOARD), name="board", label="object", pose=(2, 0, 0, *IDENTITY))
+    offsets = np.linspace(-0.2, 0.2, 9)
+    poses = np.array([[(1, y, 0, *IDENTITY)] for y in offsets])
+    robot = Agent.kinect("robot", wv.look_at((0, 0, 0), (2, 0, 0)), body="arm", head=())
+    seen = perspective(scene, robot, object_poses=poses, objects=["board"])
+    front, back = (2 - 0.0005) / (1 + 0.0005), (2 - 0.0005) / (1 - 0.0005)
+    for frame, y in enumerate(offsets):
+        edges = [scale * (y + side) for scale in (front, back) for side in (-0.05, 0.05)]
+        covered = max(0.0, min(0.2, max(edges)) - max(-0.2, min(edges)))
+        assert seen.fraction[0, frame, 0] == pytest.approx(1 - covered / 0.4, abs=0.02)
+    assert seen.fraction.min() == pytest.approx(0.5, abs=0.02) and seen.fraction.max() == 1
+
+
 def test_head_must_be_part_of_the_body():
     with pytest.raises(wv.WarpvisError) as error:
         Agent.kinect("robot", wv.look_at((0, 0, 0), (1, 0, 0)), body="arm", head="neck")

@@ -43,8 +43,9 @@ def test_large_object_is_meant_where_the_gaze_hits_it_off_its_center():
 def test_cup_hidden_from_the_person_is_no_candidate():
     screen = ("screen", trimesh.creation.box((0.02, 0.3, 0.4)), at(-5, 1.0))
     things = [("hidden cup", CUP, at(-5)), ("cup", CUP, at(8)), screen]
-    found = see(things).candidates("human", exclude=["screen"])
-    assert chances(found) == {"cup": 1.0}
+    seen = see(things)
+    for evidence in ({}, {"gaze": at(-5)}, {"pointing": [0, 0, -0.3, *at(-5, height=0.3)]}):
+        assert chances(seen.candidates("human", exclude=["screen"], **evidence)) == {"cup": 1.0}
 
 
 def test_nearest_visible_direction_leaves_out_what_is_hidden():

@@ -233,3 +233,4 @@ def test_invalid_sequences_are_rejected(change, said):
     with pytest.raises(wv.WarpvisError) as error:
         frames.track("human", **{"times": [0, 1], **change})
     assert str(error.value).startswith(said)
+    assert ("this is situation 1" in str(error.value)) == ("55 degrees" in said)

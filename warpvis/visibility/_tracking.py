@@ -107,15 +107,10 @@ def track_candidates(query: Query, frames: Sequences) -> list[list[Candidate]]:
         previous, elapsed = None, None
         if view:
             previous, elapsed = results[-1], float(frames.times[view] - frames.times[view - 1])
-        results.append(
-            query.candidates(
-                view,
-                frames.gaze_at(view),
-                frames.rays_at(view),
-                frames.others_at(view),
-                previous,
-                elapsed,
-                None if pursuit is None else pursuit[view],
-            )
-        )
+        evidence = frames.gaze_at(view), frames.rays_at(view), frames.others_at(view)
+        motion = None if pursuit is None else pursuit[view]
+        try:
+            results.append(query.candidates(view, *evidence, previous, elapsed, motion))
+        except ArrayError as error:
+            raise ArrayError(f"{error}; this is situation {view}") from None
     return results
