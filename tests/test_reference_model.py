@@ -323,7 +323,7 @@ def test_camera_with_distortion_uses_boxes():
             {"others": ["cup"]},
             "others must be a list of Candidate objects for each person from Perspective.candidates, ",
         ),
-        ({"others": [["cup"]]}, "others must be a list of Candidate objects for each person from Perspective.candidat"),
+        ({"others": [["cup"]]}, "others must be a list of Candidate objects for each person from Perspective"),
         ({"others": 3}, "others must be"),
         ({"exclude": ["plate"]}, "exclude must be names of objects of the scene, got 'plate'"),
         ({"model": 3}, "model must be a warpvis.visibility.ReferenceModel, got int"),
