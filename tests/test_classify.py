@@ -71,6 +71,20 @@ def test_every_encoding_of_missing_depth_is_empty(device):
     assert labels.tolist() == [Label.EMPTY] * 6 + [Label.OBSTACLE]
 
 
+@pytest.mark.parametrize(("near", "far"), [(0.5, 2.0), (0.0, np.inf), (1e-3, np.inf)])
+def test_range_includes_its_limits(near, far, device):
+    camera = wv.Camera(20, 1, 10, 10, 10, 0.5, near=near, far=far)
+    edges = np.array([near, far, 0.0, 1.0], dtype=np.float32)
+    with np.errstate(under="ignore"):
+        around = [np.nextafter(edges, np.float32(-np.inf)), edges, np.nextafter(edges, np.float32(np.inf))]
+    depth = np.concatenate([*around, [1e-40, 3e38, -np.inf, np.inf, np.nan, -1e-40, 2.5, 0.5]]).astype(np.float32)
+    points = wv.back_project(depth[None, None], camera, wv.look_at((0, 0, 1), (1, 0, 1)), device=device).numpy()[0, 0]
+    labels = wv.classify(depth[None, None], camera, wv.look_at((0, 0, 1), (1, 0, 1)), device=device).numpy()[0, 0]
+    inside = np.isfinite(depth) & (depth > 0) & (depth >= np.float32(near)) & (depth <= np.float32(far))
+    np.testing.assert_array_equal(labels != Label.EMPTY, inside)
+    np.testing.assert_array_equal(~np.isnan(points).any(axis=-1), inside)
+
+
 def test_ground_is_within_the_tolerance_of_the_floor(device):
     """A camera 1 m above the floor looks down at points of given heights."""
     camera = wv.Camera(4, 1, 1e6, 1e6, 2, 0.5)

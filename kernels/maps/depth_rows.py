@@ -22,7 +22,7 @@ wp.set_module_options(
 
 _ROW = """
 const long long width = depth_in.shape[2], first = ((long long)view * depth_in.shape[1] + y) * width;
-const warpvis::DepthRange range = {.near = NEAR, .far = FAR};
+const warpvis::DepthRange range = warpvis::DepthRange::of(NEAR, FAR);
 """
 _DEPTH_ROW = """
 const warpvis::Pose pose = warpvis::Pose::from((const float*)camera_to_world.data + 7LL * view);

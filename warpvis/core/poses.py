@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.arrays import as_numpy, as_point, get_device, on_gpu
+from warpvis.core.arrays import as_numpy, as_point, get_device, on_gpu, share
 from warpvis.core.device_poses import from_foreign, parse_on_device, to_xyzw_on_device
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import PoseError
@@ -81,7 +81,10 @@ def parse_poses(
     if hasattr(poses, "__cuda_array_interface__"):
         return parse_on_device(from_foreign(poses, name), rotation, device, name)
     rows = _rotate_frames(poses.numpy() if isinstance(poses, wp.array) else poses, rotation, name)
-    return wp.array(rows.astype(np.float32), dtype=wp.transform, device=device)
+    rounded = np.ascontiguousarray(rows, dtype=np.float32)
+    if device.is_cpu and len(rounded):
+        return share(rounded, (len(rounded),), wp.transform)
+    return wp.array(rounded, dtype=wp.transform, device=device)
 
 
 def _axes_rotation(convention: Convention, axes: Convention) -> tuple[float, float, float, float] | None:

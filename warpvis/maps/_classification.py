@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 _LABELS, _UP_AXIS = LabelNames(), 2
 
+_AXES = tuple(wp.vec3d(*row) for row in np.eye(3))
+
 
 @dataclass(frozen=True)
 class Sphere:
@@ -181,7 +183,7 @@ def _set_plane(ground: Ground, axis: int, floor: FloorFit | ArrayLike | None) ->
     """Set the plane of the floor: perpendicular to a world axis, or `floor`."""
     if floor is None:
         ground.axis = axis
-        ground.normal = wp.vec3d(*np.eye(3)[axis])
+        ground.normal = _AXES[axis]
         return
     if axis != _UP_AXIS or ground.height != 0.0:
         raise ArrayError('up and ground_height must be "z" and 0 if floor is given, because it replaces them')

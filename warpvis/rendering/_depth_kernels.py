@@ -17,8 +17,9 @@ from warpvis.rendering.casters.rays import rays_on_device
 if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
 
-# A row takes about 0.5 ns per pixel, plus as much for each sphere; waking a thread takes 50 to 100 us.
-_MIN_PIXELS = 2**17
+# A row takes about 1 ns per pixel, plus as much for each sphere; labels without spheres take a quarter. Waking a thread
+# takes 50 to 100 us.
+_MIN_PIXELS, _MIN_LABELS = 2**17, 2**19
 
 
 def launch_back_project(
@@ -49,7 +50,8 @@ def launch_classify(
         from warpvis.kernels.maps.classify import classify_rays as kernel
     else:
         from warpvis.kernels.maps.classify import classify_depth as kernel
-    _launch_camera(kernel, camera, poses, depth, arguments, threads, _MIN_PIXELS // (1 + sphere_count))
+    min_pixels = _MIN_PIXELS // (1 + sphere_count) if sphere_count else _MIN_LABELS
+    _launch_camera(kernel, camera, poses, depth, arguments, threads, min_pixels)
 
 
 def launch_label_objects(

@@ -8,13 +8,23 @@
 #include "cpu/number_lanes.h"
 #include "shared/pose.h"
 
-// Range of valid depth [m].
+// Range of valid depth [m]: finite, positive, and from `near` to `far`.
 struct DepthRange {
-    float near, far;
+    float below, last;  // the greatest number below the range, and the greatest in it
 
-    inline Ints contains(Floats depth) const {
-        return (Lanes::abs(depth) < __builtin_inff()) & (depth > 0.0f) & (depth >= near) & (depth <= far);
+    static inline DepthRange of(float near, float far) {
+        const float greatest = __FLT_MAX__;
+        return DepthRange{.below = near > 0.0f ? before(near) : 0.0f, .last = far < greatest ? far : greatest};
     }
+    // The greatest number below a positive one.
+    static inline float before(float number) {
+        int bits;
+        __builtin_memcpy(&bits, &number, sizeof bits);
+        --bits;
+        __builtin_memcpy(&number, &bits, sizeof bits);
+        return number;
+    }
+    inline Ints contains(Floats depth) const { return (depth > below) & (depth <= last); }
 };
 
 // The change of a linear function of world points with depth, for the pixels of a row.
