@@ -67,7 +67,7 @@ const double focal[2] = {depth_view.camera.fx, depth_view.camera.fy};
 const double center[2] = {depth_view.camera.cx, depth_view.camera.cy};
 const warpvis::DepthRow row = {.width = width,
                                .depth = depth_in.data + ((long long)view * depth_in.shape[1] + y) * width,
-                               .range = {.near = depth_view.camera.near, .far = depth_view.reach},
+                               .range = warpvis::DepthRange::of(depth_view.camera.near, depth_view.reach),
                                .origin = pose.position,
                                .directions = warpvis::RowDirections::of(pose, focal, center, y, nullptr)};
 warpvis::BlockGrid grid = {.cell = blocks.cell, .slots = blocks.slot.data};
