@@ -27,6 +27,7 @@ SAYS = {
     r"SimKinect +\d(.|\n)*Corruptions.*lost",
     "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",
     "lidar.py": r"131072 points, 425\d\d of beams between",
+    "measured_floor.py": r"height 1\.(29|30)\d m instead of 1\.300 m, confidence 0\.(.|\n)* 1\.100 m(.|\n)* 1\.400 m",
     "motion.py": r"de-skewing 65536 points moves them by up to 2\.7\d m",
     "sensor_fit.py": r"6 walls; f b (.|\n)*sigma of disparity +0\.0(79|80)\d* px\nstep of disparity +0\.031",
     "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
