@@ -127,6 +127,10 @@ def top_cases(folder):
         "Label.parse": (wv.Label.parse, {"value": "ground"}),
         "Perspective.states": (SEEN.states, {"first": "robot", "second": "human"}),
         "ReferenceModel": (wv.visibility.ReferenceModel, dataclasses.asdict(wv.visibility.ReferenceModel())),
+        "MeasuredSpace": (
+            wv.visibility.MeasuredSpace,
+            {"occupancy": occupancy, "eye_clearance": 0.3, "margin": 0.1, "max_unknown": 0.1},
+        ),
         "Perspective.candidates": (
             SEEN.candidates,
             {
@@ -347,6 +351,7 @@ def top_cases(folder):
                 "min_pixels": 1,
                 "skip_unseen": False,
                 "masks": False,
+                "occupancy": occupancy,
                 "caster": "auto",
                 "threads": 1,
             },
@@ -373,6 +378,7 @@ def top_cases(folder):
                 "min_pixels": 1,
                 "min_fraction": 0.1,
                 "delta": 0.01,
+                "occupancy": occupancy,
                 "object_poses": MOVED,
                 "world_index": [0],
                 "threads": 1,
@@ -381,6 +387,10 @@ def top_cases(folder):
         "point_visibility": (
             wv.point_visibility,
             {"scene": seen, **VIEW, **WORLDS, "points": [[1, 0, 0]], "tolerance": 0.1, "caster": "auto", "threads": 1},
+        ),
+        "point_visibility in a map": (
+            wv.point_visibility,
+            {"scene": seen, **VIEW, "points": [[1, 0, 0]], "occluders": True, "occupancy": occupancy, "unknown": True},
         ),
         "point_visibility_from_depth": (
             wv.point_visibility_from_depth,

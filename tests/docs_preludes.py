@@ -144,6 +144,7 @@ def _visibility(folder):
         "robot_at": (0.0, -1.5, 0.0),
         "cup_at": (2, 0, 0.8),
         "eyes": _poses()[:, :3],
+        "person_at": _poses(1),
         "targets": np.array([[3, 0.4, 0.1], [2.5, 1.5, 0.2]]),
         "points": np.array([[0.5, 0.4, 0.1], [1.0, 0.5, 0.2]]),
         "bounds": ((0, 0, 0), (0.4, 0.4, 0.4)),

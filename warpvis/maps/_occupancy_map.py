@@ -27,6 +27,7 @@ from warpvis.maps._occupancy_views import Integrator
 from warpvis.maps._voxel_map import VoxelMap
 
 if TYPE_CHECKING:
+    from warpvis.kernels.maps.occupancy import Blocks
     from warpvis.kernels.pinhole import Window
 
 # Share of a voxel by which bounds that are multiples of its side may differ from them.
@@ -144,6 +145,10 @@ class OccupancyMap:
         images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, self.device)
         matrices = poses_to_matrices(poses.numpy().astype(np.float64))
         self._integrator.add(images, camera, matrices, sigma, min(reach, camera.far), threads)
+
+    def device_struct(self) -> Blocks:
+        """Return the map as a kernel argument, valid until it changes."""
+        return self._blocks.struct()
 
     def decay(self, factor: float) -> None:
         """Multiply all log-odds by a factor from 0 to 1, so that the map forgets what it has not seen again.

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView, equirectangular as equirectangular
 from warpvis.visibility._candidates import Candidate, State
+from warpvis.visibility._measured_space import MeasuredSpace
 from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
     BOP_DELTA,
@@ -24,6 +25,7 @@ from warpvis.visibility._reference_model import ReferenceModel
 __all__ = [
     "BOP_DELTA",
     "Candidate",
+    "MeasuredSpace",
     "ReferenceModel",
     "State",
 ]

@@ -18,11 +18,13 @@ from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, SceneError
+from warpvis.maps import OccupancyMap
 from warpvis.rendering import warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility._agents import Agent, Situations
 from warpvis.visibility._extents import ObjectBoxes, VisibleParts
+from warpvis.visibility._measured_space import MeasuredSpace, as_space
 from warpvis.visibility._objects import COUNTERS, ObjectVisibility, choose_objects, see_objects
 from warpvis.visibility._perspective import Perspective
 
@@ -35,6 +37,7 @@ def perspective(
     min_pixels: int = 1,
     min_fraction: float = 0.0,
     delta: float = 0.0,
+    occupancy: OccupancyMap | MeasuredSpace | None = None,
     object_poses: ObjectPoses = None,
     quaternion: QuaternionOrder = "xyzw",
     world_index: ArrayInput | None = None,
@@ -57,6 +60,8 @@ def perspective(
         min_fraction: Minimum visible fraction of the silhouette for an object to be seen.
         delta: Maximum distance of a surface behind the visible surface to count as visible [m]; see
             `object_visibility`.
+        occupancy: A map of measured space that may hide the objects, too, or a `MeasuredSpace`, on the scene's device.
+            Objects are UNKNOWN to an agent if most of their hidden pixels are behind space that was never measured.
         object_poses: Poses of the movable objects in each of W worlds, as for `Renderer.render`.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         world_index: World of each situation, as for `Renderer.render`. By default, all situations share the only world,
@@ -69,15 +74,17 @@ def perspective(
         raise ArrayError(f"min_fraction must be from 0 to 1, got {min_fraction!r}")
     indices = choose_objects(scene, objects)
     situations = Situations.parse(scene, agents, object_poses, world_index)
-    measurement = _Measurement(scene, indices, situations, min_pixels, delta, threads)
+    space = as_space(occupancy, scene.device)
+    measurement = _Measurement(scene, indices, situations, min_pixels, delta, space, threads)
     shape = (situations.count, len(indices))
 
-    sums, occluders, attended, angles, parts = [], [], [], [], []
+    sums, unknown_sums, occluders, attended, angles, parts = [], [], [], [], [], []
     boxes = ObjectBoxes.of(scene, indices)
     centers = boxes.centers(situations.rows())
     for agent in agents:
-        counts, occluder, part = measurement.measure(agent)
+        counts, unknown, occluder, part = measurement.measure(agent)
         parts.append(part)
+        unknown_sums.append(np.broadcast_to(unknown, shape))
         sums.append(np.broadcast_to(counts, (len(COUNTERS), *shape)))
         occluders.append(np.broadcast_to(occluder, shape))
         attended.append(np.broadcast_to(measurement.count_attended(agent) >= min_pixels, shape))
@@ -85,7 +92,8 @@ def perspective(
     counts = np.stack(sums, axis=1)
     visible, _, silhouette, _, _ = counts
     fraction = visible / np.maximum(silhouette, 1)
-    status = _status(counts, (visible >= min_pixels) & (fraction >= min_fraction))
+    unknown = np.stack(unknown_sums)
+    status = _status(counts, unknown, (visible >= min_pixels) & (fraction >= min_fraction))
     _warn_of_blind_agents(scene, agents, status, moves=object_poses is not None)
     items = scene.objects
     return Perspective(
@@ -93,6 +101,7 @@ def perspective(
         objects=tuple(items[index].name for index in indices),
         labels=tuple(items[index].label for index in indices),
         fraction=fraction.astype(np.float32),
+        unknown_fraction=(unknown / np.maximum(silhouette, 1)).astype(np.float32),
         status=status,
         visible_pixels=visible,
         silhouette_pixels=silhouette,
@@ -143,19 +152,28 @@ class _Measurement:
     situations: Situations
     min_pixels: int
     delta: float
+    space: MeasuredSpace | None
     threads: int | None
 
-    def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32], VisibleParts]:
-        """Return an agent's `COUNTERS`, summed over its faces, ``(5, views, K)``, main occluders and visible pixels."""
+    def measure(self, agent: Agent) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], VisibleParts]:
+        """Return an agent's `COUNTERS`, unknown pixels, main occluders and visible pixels.
+
+        Counters are summed over its faces, ``(5, views, K)``, and unknown pixels, too, ``(views, K)``.
+        """
         faces = [self._see(agent, face.camera, agent.face_poses(face), face.canvas) for face in agent.faces]
         counts = np.stack([[getattr(seen, name).numpy() for name in COUNTERS] for seen in faces])
         hidden = np.stack([_hidden_pixels(one) for one in counts])
+        unknown = np.zeros_like(counts[0, 0])
+        for seen in faces:
+            if seen.unknown_pixels is not None:
+                unknown += seen.unknown_pixels.numpy()
         occluders = np.stack([seen.occluder.numpy() for seen in faces])
         main_face = hidden.argmax(axis=0)[None]
         images = tuple((face.camera, agent.face_poses(face)) for face in agent.faces)
         boxes = np.stack([seen.visible_box.numpy() for seen in faces])
         parts = VisibleParts(agent.poses, images, boxes, counts[:, 0].copy())
-        return counts.sum(axis=0, dtype=np.int32), np.take_along_axis(occluders, main_face, axis=0)[0], parts
+        occluder = np.take_along_axis(occluders, main_face, axis=0)[0]
+        return counts.sum(axis=0, dtype=np.int32), unknown, occluder, parts
 
     def count_attended(self, agent: Agent) -> NDArray[np.int32]:
         """Return the visible pixels of each object in the field of attention, ``(views, K)``; INT32_MAX without one."""
@@ -172,7 +190,7 @@ class _Measurement:
         rows = parse_poses(np.broadcast_to(poses, (views, 7)), device=scene.device)
         worlds = parse_worlds(scene, views, situations.object_poses, situations.world_index, agent.excluded or None)
         options: dict[str, Any] = {"delta": self.delta, "min_pixels": self.min_pixels, "threads": self.threads}
-        return see_objects(scene, camera, rows, worlds, self.indices, canvas=canvas, **options)
+        return see_objects(scene, camera, rows, worlds, self.indices, canvas=canvas, space=self.space, **options)
 
 
 def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
@@ -181,9 +199,9 @@ def _hidden_pixels(counts: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.maximum(image - visible - too_near - too_far, 0)
 
 
-def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _status(counts: NDArray[np.int32], unknown: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Return `Visibility` from `COUNTERS`: VISIBLE where `seen`, otherwise the reason for most pixels in the images."""
-    _, image, silhouette, too_near, too_far = counts
+    visible, image, silhouette, too_near, too_far = counts
     hidden = _hidden_pixels(counts)
     reasons = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR], dtype=np.uint8)
     pixels = np.stack([hidden, too_near, too_far])
@@ -192,6 +210,8 @@ def _status(counts: NDArray[np.int32], seen: NDArray[np.bool_]) -> NDArray[np.ui
     too_few = np.where(silhouette > image, Visibility.OUT_OF_VIEW, Visibility.TOO_FAR)
     status = np.where(pixels.any(axis=0), status, too_few)
     status = np.where(image == 0, Visibility.OUT_OF_VIEW, status)
+    most_unknown = (status == Visibility.OCCLUDED) & (2 * unknown > image - visible)
+    status = np.where(most_unknown, Visibility.UNKNOWN, status)
     return np.where(seen, Visibility.VISIBLE, status).astype(np.uint8)
 
 

@@ -22,9 +22,11 @@ from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, SceneError
+from warpvis.maps import OccupancyMap
 from warpvis.rendering import CasterName, Output, Renderer, Views, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
+from warpvis.visibility._measured_space import MeasuredSpace, as_space, hide_pixels, judge_unknown
 from warpvis.visibility._silhouettes import SilhouetteCounter
 
 if TYPE_CHECKING:
@@ -78,6 +80,9 @@ class ObjectVisibility:
     silhouette_box: wp.array
     """Bounding box of the silhouette on the canvas in the same format, relative to the image's first pixel: x and y may
     be negative."""
+    unknown_pixels: wp.array | None = None
+    """Pixels of the image that show the object in the scene, but through space that was never measured, ``(V, K)``
+    int32; None without an occupancy map."""
     masks: wp.array | None = None
     """2 where the object is visible, 1 elsewhere in its silhouette, otherwise 0, ``(V, K, H, W)`` uint8; None if not
     requested."""
@@ -94,6 +99,7 @@ def object_visibility(
     min_pixels: int = 1,
     skip_unseen: bool = False,
     masks: bool = False,
+    occupancy: OccupancyMap | MeasuredSpace | None = None,
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
@@ -123,6 +129,9 @@ def object_visibility(
         skip_unseen: Whether silhouettes of objects without a visible pixel may be cut off at the image border. Their
             fraction is 0 in any case; saves time if many views see few objects.
         masks: Whether to compute `ObjectVisibility.masks`.
+        occupancy: A map of measured space that may hide the objects, too, or a `MeasuredSpace`, on the scene's device;
+            the camera must be a pinhole. Objects are UNKNOWN if most of their hidden pixels are behind space that was
+            never measured.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`. An object has no pixels in views that exclude it.
@@ -150,6 +159,7 @@ def object_visibility(
         min_pixels=min_pixels,
         skip_unseen=check_flag(skip_unseen, "skip_unseen"),
         masks=check_flag(masks, "masks"),
+        space=as_space(occupancy, scene.device),
         caster=caster,
         threads=threads,
     )
@@ -180,6 +190,7 @@ def see_objects(
     min_pixels: int = 1,
     skip_unseen: bool = False,
     masks: bool = False,
+    space: MeasuredSpace | None = None,
     caster: CasterName = "auto",
     threads: int | None = None,
 ) -> ObjectVisibility:
@@ -193,7 +204,8 @@ def see_objects(
 
     # Surfaces outside the depth range occlude too.
     eye = dataclasses.replace(camera, near=0.0, far=math.inf)
-    outputs: list[Output] = ["depth", "segmentation"] if delta > 0 else ["segmentation"]
+    with_depth = delta > 0 or space is not None
+    outputs: list[Output] = ["depth", "segmentation"] if with_depth else ["segmentation"]
     renderer = Renderer(scene, eye, outputs=outputs, caster=caster, threads=threads)
     counter = SilhouetteCounter(
         scene,
@@ -206,19 +218,29 @@ def see_objects(
         threads=renderer.threads,
     )
     counted, result = _allocate(scene, chosen, (views, count), camera if masks else None)
+    unknown_pixels = empty((max(1, views), count), wp.int32, name="unknown_pixels", device=device)
     seen = None
     for part in _batches(views, camera, len(outputs), len(scene) * count, device):
         size, part_worlds = part.stop - part.start, part_of(worlds, part)
         seen = renderer.render_parsed(poses[part], part_worlds, out=_first(seen, size))
         counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
         hidden_by = wp.zeros((size, count, len(scene)), dtype=wp.int32, device=device)
+        if space is not None:
+            unknown = hide_pixels(space, camera, poses[part], chosen, len(scene), seen, renderer.threads)
+            wp.copy(unknown_pixels[part], unknown)
+        # Without a delta, pixels are compared by their objects alone.
+        compared = dataclasses.replace(seen, depth=None) if space is not None and delta == 0 else seen
         counter.count(
-            poses[part], part_worlds, seen, counts, hidden_by, None if result.masks is None else result.masks[part]
+            poses[part], part_worlds, compared, counts, hidden_by, None if result.masks is None else result.masks[part]
         )
         outs = [getattr(result, name)[part] for name in _RESULTS]
         launch(judge_silhouettes, (size, count), [counts, hidden_by, min_pixels, *outs], device)
         wp.copy(counted[:, part], counts[: len(COUNTERS)])
-    return result
+    if space is None:
+        return result
+    unknown_pixels = unknown_pixels[:views]
+    judge_unknown(result.image_pixels, result.visible_pixels, unknown_pixels, result.status)
+    return dataclasses.replace(result, unknown_pixels=unknown_pixels)
 
 
 def choose_objects(scene: Scene, objects: Sequence[str | int] | None) -> list[int]:

@@ -38,6 +38,8 @@ class Perspective:
     """Labels of the objects."""
     fraction: NDArray[np.float32]
     """Visible fraction of the silhouette, ``(A, V, K)``; 0 without a silhouette."""
+    unknown_fraction: NDArray[np.float32]
+    """Fraction of the silhouette behind space that was never measured, ``(A, V, K)``; 0 without an occupancy map."""
     status: NDArray[np.uint8]
     """`Visibility`: VISIBLE, or the reason that applies to most of the object's pixels in the images, ``(A, V, K)``."""
     visible_pixels: NDArray[np.int32]
@@ -78,7 +80,16 @@ class Perspective:
             views = slice(int(views) % len(self), int(views) % len(self) + 1)
         if not isinstance(views, slice):
             raise ArrayError(f"a Perspective must be indexed by a slice or a number below {len(self)}, got {views!r}")
-        arrays = ("fraction", "status", "visible_pixels", "silhouette_pixels", "occluder", "attended", "gaze_angle")
+        arrays = (
+            "fraction",
+            "unknown_fraction",
+            "status",
+            "visible_pixels",
+            "silhouette_pixels",
+            "occluder",
+            "attended",
+            "gaze_angle",
+        )
         poses = self.object_poses
         return replace(
             self,
@@ -259,6 +270,7 @@ class Perspective:
             "status": Visibility(self.status[index]).name,
             "own_body": bool(self.body[agent, k]),
             "fraction": float(self.fraction[index]),
+            "unknown_fraction": float(self.unknown_fraction[index]),
             "visible_pixels": int(self.visible_pixels[index]),
             "silhouette_pixels": int(self.silhouette_pixels[index]),
             "occluder": self.scene_objects[self.occluder[index]] if self.occluder[index] >= 0 else None,
@@ -269,7 +281,8 @@ class Perspective:
     def table(self, view: int = 0) -> str:
         """Format one situation as a text table: a row per object, a column per agent and per pair of agents.
 
-        An agent's column contains the visible fraction, or the reason why the agent does not see the object.
+        An agent's column contains the visible fraction, or the reason why the agent does not see the object, and the
+        fraction that is behind space that was never measured, if there is one.
         """
         view = self._view(view)
         pairs = list(itertools.combinations(self.agents, 2))
@@ -297,6 +310,8 @@ class Perspective:
             return "own body"
         if status == Visibility.VISIBLE:
             text = share(float(self.fraction[index]))
+            if self.unknown_fraction[index] > 0:
+                return f"{text}, {share(float(self.unknown_fraction[index]))} unknown"
             return f"{text} ({int(self.visible_pixels[index])} px)" if text.startswith("<") else text
         if status == Visibility.OCCLUDED and self.occluder[index] >= 0:
             return f"hidden by {self.scene_objects[self.occluder[index]]}"

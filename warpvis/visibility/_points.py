@@ -7,7 +7,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -18,14 +18,18 @@ from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_points, check_length, empty
+from warpvis.core.checks import check_flag
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, host_poses, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import check_threads, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, ObjectPoses, PoseLike
+from warpvis.errors import ArrayError
+from warpvis.maps import OccupancyMap
 from warpvis.rendering import CasterName, Output, Renderer, choose_caster, render_along
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
+from warpvis.visibility._measured_space import MeasuredSpace, as_space, judge_points
 from warpvis.visibility._point_packets import judge_by_packets
 
 if TYPE_CHECKING:
@@ -38,13 +42,15 @@ Floats = NDArray[np.float64]
 
 
 def point_visibility(
-    scene: Scene,
+    scene: Scene | OccupancyMap,
     camera: ImageCamera,
     camera_to_world: PoseLike,
     points: ArrayInput,
     *,
     tolerance: float = 1e-4,
     occluders: bool = False,
+    occupancy: OccupancyMap | MeasuredSpace | None = None,
+    unknown: bool = False,
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
@@ -52,11 +58,11 @@ def point_visibility(
     quaternion: QuaternionOrder = "xyzw",
     caster: CasterName = "auto",
     threads: int | None = None,
-) -> wp.array | tuple[wp.array, wp.array]:
+) -> wp.array | tuple[wp.array, ...]:
     """Return whether points are visible, and if not, why, by casting a ray through each point.
 
     Args:
-        scene: The scene whose surfaces may hide the points.
+        scene: The scene whose surfaces may hide the points; or an `OccupancyMap` instead of it.
         camera: Image size, intrinsics and depth range; or a `warpvis.cameras.LensCamera`, through which points are
             projected on the host.
         camera_to_world: Poses, as for `Renderer.render`.
@@ -64,6 +70,8 @@ def point_visibility(
         tolerance: Maximum distance of a visible point behind the first surface along its ray [m]. Must be positive for
             points of a surface, which are not exactly at the intersection with their ray.
         occluders: Whether to also return the objects that hide the points.
+        occupancy: A map of measured space that may hide the points, too, or a `MeasuredSpace`, on the scene's device.
+        unknown: Whether to also return the fraction of each line of sight that was never measured.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
@@ -75,24 +83,105 @@ def point_visibility(
     Returns:
         A `Visibility` for every view and point, shape ``(V, N)`` uint8, on the scene's device. Surfaces nearer than the
         camera's ``near`` occlude too. With `occluders`, also the object that hides each `Visibility.OCCLUDED` point, -1
-        for other points, shape ``(V, N)`` int32.
+        for other points and for those that the map hides, shape ``(V, N)`` int32. With `unknown`, also the fractions,
+        NaN for points that are not visible without the map, shape ``(V, N)`` float32.
     """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    require_scene(scene)
     require_image_camera(camera)
     tolerance = check_length(tolerance, "tolerance")
-    scene.require_objects()
+    occluders = check_flag(occluders, "occluders")
+    hidden_by: wp.array | None = None
+    if isinstance(scene, OccupancyMap):
+        if occupancy is not None or occluders or object_poses is not None or exclude is not None:
+            raise ArrayError(
+                "scene must be a warpvis.Scene for occluders, object_poses, exclude and occupancy, got an OccupancyMap"
+            )
+        space = as_space(scene, scene.device)
+        status = _judge_in_view(camera, camera_to_world, convention, points, scene.device, threads)
+    else:
+        space = as_space(occupancy, require_scene(scene).device)
+        scene.require_objects()
+        arrangement = {"object_poses": object_poses, "world_index": world_index, "exclude": exclude}
+        inputs = camera_to_world, convention, points, arrangement, tolerance, occluders, caster, threads
+        if camera.ray_model == "table":
+            status, hidden_by = _judge_by_lens(scene, camera, *inputs)
+        else:
+            status, hidden_by = _judge_by_pinhole(scene, camera, *inputs)
+    share = (
+        empty(status.shape, wp.float32, name="unknown", device=status.device)
+        if check_flag(unknown, "unknown")
+        else None
+    )
+    if space is not None:
+        poses = parse_poses(camera_to_world, convention=convention, device=status.device)
+        judge_points(space, poses, as_points(points, "points", "N", status.device), status, share, threads)
+    elif share is not None:
+        raise ArrayError("unknown must be False without an occupancy map")
+    results = [status, *(extra for extra in (hidden_by, share) if extra is not None)]
+    return tuple(results) if len(results) > 1 else status
+
+
+def _judge_in_view(
+    camera: ImageCamera,
+    camera_to_world: PoseLike,
+    convention: Convention,
+    points: ArrayInput,
+    device: wp.Device,
+    threads: int | None,
+) -> wp.array:
+    """Return the status of points in empty space: VISIBLE, OUT_OF_VIEW, TOO_NEAR or TOO_FAR."""
+    from warpvis.kernels.visibility.points import judge_points
+
+    poses = parse_poses(camera_to_world, convention=convention, device=device)
     if camera.ray_model == "table":
-        rows = parse_poses(camera_to_world, convention=convention, device=scene.device).numpy()
-        places = as_points(points, "points", "N", scene.device).numpy()
-        worlds = parse_worlds(scene, len(rows), object_poses, world_index, exclude)
-        judged, hiding = judge_in_scene(
-            scene, camera, rows, worlds, places, tolerance, occluders=occluders, caster=caster, threads=threads
-        )
-        found = wp.array(judged, dtype=wp.uint8, device=scene.device)
-        return (found, wp.array(hiding, dtype=wp.int32, device=scene.device)) if occluders else found
-    arrangement = {"object_poses": object_poses, "world_index": world_index, "exclude": exclude}
+        places = as_points(points, "points", "N", device).numpy().astype(np.float64)
+        projected = project_points(camera, poses.numpy(), places)
+        return wp.array(projected.judge(camera, np.array(np.inf), 0.0), dtype=wp.uint8, device=device)
+    pixels, depth = _project(camera, poses, points, threads)
+    surface = wp.full(depth.shape, np.inf, dtype=wp.float32, device=device)
+    status, _ = _empty_judgment(depth.shape, False, device)
+    lens, inputs = camera.device_struct(), [pixels, depth, surface, None, 0.0, status, None]
+    launch_points(judge_points, depth.shape, lambda window: [lens, window, *inputs], device=device, threads=threads)
+    return status
+
+
+def _judge_by_lens(
+    scene: Scene,
+    camera: LensCamera,
+    camera_to_world: PoseLike,
+    convention: Convention,
+    points: ArrayInput,
+    arrangement: dict[str, Any],
+    tolerance: float,
+    occluders: bool,
+    caster: CasterName,
+    threads: int | None,
+) -> tuple[wp.array, wp.array | None]:
+    """Return the status of points in a scene, and their occluders if requested."""
+    rows = parse_poses(camera_to_world, convention=convention, device=scene.device).numpy()
+    places = as_points(points, "points", "N", scene.device).numpy()
+    worlds = parse_worlds(scene, len(rows), **arrangement)
+    judged, hiding = judge_in_scene(
+        scene, camera, rows, worlds, places, tolerance, occluders=occluders, caster=caster, threads=threads
+    )
+    status = wp.array(judged, dtype=wp.uint8, device=scene.device)
+    return status, None if hiding is None else wp.array(hiding, dtype=wp.int32, device=scene.device)
+
+
+def _judge_by_pinhole(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: PoseLike,
+    convention: Convention,
+    points: ArrayInput,
+    arrangement: dict[str, Any],
+    tolerance: float,
+    occluders: bool,
+    caster: CasterName,
+    threads: int | None,
+) -> tuple[wp.array, wp.array | None]:
+    """Return the status of points in a scene, and their occluders if requested."""
     if scene.device.is_cpu and choose_caster(caster, camera) == "packets":
         rows = host_poses(camera_to_world, convention=convention)
         places = as_points(points, "points", "N", scene.device)
@@ -116,7 +205,7 @@ def point_visibility(
             launch_points(
                 judge_points, depth.shape, lambda window: [lens, window, *inputs], device=device, threads=threads
             )
-    return (status, hidden_by) if occluders else status
+    return status, hidden_by
 
 
 def point_visibility_from_depth(
