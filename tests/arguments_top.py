@@ -258,6 +258,7 @@ def top_cases(folder):
         "OccupancyMap.decay": (occupancy.decay, {"factor": 0.5}),
         "OccupancyMap.states": (occupancy.states, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
         "OccupancyMap.probabilities": (occupancy.probabilities, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
+        "OccupancyMap.render_depth": (occupancy.render_depth, {**VIEW, "threads": 1}),
         "OccupancyMap.voxel_map": (
             occupancy.voxel_map,
             {"bounds": [(0, 0, 0), (1, 1, 1)], "ground_height": 0.0, "ground_tolerance": 0.03, "threads": 1},

@@ -65,7 +65,7 @@ from reference_kinect_noise import (  # noqa: F401
     measure_nguyen,
 )
 from reference_latency import delay_images  # noqa: F401
-from reference_lines import hide_pixels, judge_lines, judge_unknown  # noqa: F401
+from reference_lines import hide_pixels, judge_lines, judge_unknown, render_map  # noqa: F401
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,

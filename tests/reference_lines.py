@@ -9,15 +9,8 @@ from reference_occupancy import NOT_MEASURED, DenseMap
 from warpvis import Visibility
 
 
-def trace_line(
-    dense: DenseMap, eye: NDArray, target: NDArray, clearance: float, margin: float
-) -> tuple[float, float, float]:
-    """Return the distance of the first surface, and the length of unknown space before it, also as a share."""
-    length = np.linalg.norm(target - eye)
-    first, last = clearance, length - margin
-    if not last > first:
-        return np.inf, 0.0, 0.0
-    direction = (target - eye) / length
+def _cells(dense: DenseMap, eye: NDArray, direction: NDArray, first: float, last: float) -> tuple[NDArray, NDArray]:
+    """Return where a line passes from voxel to voxel, and their values."""
     crossings = [first, last]
     for axis in range(3):
         if direction[axis] != 0:
@@ -29,6 +22,18 @@ def trace_line(
     inside = ((voxels >= 0) & (voxels < dense.size)).all(axis=1)
     values = np.full(len(voxels), NOT_MEASURED)
     values[inside] = dense.values[tuple(voxels[inside].T)]
+    return t, values
+
+
+def trace_line(
+    dense: DenseMap, eye: NDArray, target: NDArray, clearance: float, margin: float
+) -> tuple[float, float, float]:
+    """Return the distance of the first surface, and the length of unknown space before it, also as a share."""
+    length = np.linalg.norm(target - eye)
+    first, last = clearance, length - margin
+    if not last > first:
+        return np.inf, 0.0, 0.0
+    t, values = _cells(dense, eye, (target - eye) / length, first, last)
     solid = np.flatnonzero(values >= 0)
     others = np.flatnonzero(values < 0)
     blocked = len(solid) > 0 and len(others) > 0 and others[-1] > solid[0]
@@ -46,6 +51,17 @@ def judge_lines(
     surface, unknown, share = np.array(lines).T
     status = np.where(unknown > max_unknown, Visibility.UNKNOWN, Visibility.VISIBLE)
     return np.where(np.isfinite(surface), Visibility.OCCLUDED, status), share
+
+
+def render_map(dense: DenseMap, eye: NDArray, rays: NDArray, near: float, far: float) -> NDArray:
+    """Return the depth of the first surface along rays of depth 1: NaN behind unknown space, inf without a surface."""
+    depths = []
+    for ray in rays.reshape(-1, 3):
+        length = np.linalg.norm(ray)
+        t, values = _cells(dense, eye, ray / length, near * length, far * length)
+        first = [t[np.flatnonzero(mask)[0]] if mask.any() else np.inf for mask in (values >= 0, values <= NOT_MEASURED)]
+        depths.append(np.nan if first[1] < first[0] else first[0] / length)
+    return np.array(depths).reshape(rays.shape[:-1])
 
 
 def hide_pixels(*line: object) -> tuple[NDArray, NDArray]:

@@ -7,6 +7,7 @@ import pytest
 import reference_lines
 import trimesh
 from reference_occupancy import NOT_MEASURED, DenseMap
+from reference_poses import poses_to_matrices
 
 import warpvis as wv
 from warpvis import Camera, Visibility
@@ -75,6 +76,27 @@ def test_lines_match_reference(device, eyes):
         assert differs.mean() < 0.02
         agrees = np.flatnonzero(inside)[~differs]
         np.testing.assert_allclose(share.numpy()[view][agrees], expected_share[agrees], atol=2e-5)
+
+
+@pytest.mark.parametrize("eyes", [ALL_AROUND, ALL_AROUND[:1]], ids=["much", "little"])
+def test_rendered_depth_matches_reference(device, eyes):
+    small, occupancy = Camera.from_fov(40, 30, hfov=1.2, near=0.3, far=1.8), measured(room(device), eyes)
+    dense = dense_copy(occupancy)
+    poses = np.array([EYE, wv.look_at((0.6, 1.2, 0.9), (0.0, -0.2, 0.3))], dtype=np.float32)
+    depth = occupancy.render_depth(small, poses).numpy()
+    assert np.isinf(depth).any() if eyes is ALL_AROUND else np.isnan(depth).any()
+    for image, pose in zip(depth, poses, strict=True):
+        matrix = poses_to_matrices(pose[None])[0]
+        pixels = np.stack(np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5), axis=-1)
+        rays = small.depth_rays(pixels) @ matrix[:3, :3].T
+        expected = reference_lines.render_map(dense, matrix[:3, 3], rays, 0.3, 1.8)
+        agrees = np.isclose(image, expected, atol=1e-4, equal_nan=True)
+        assert agrees.mean() > 0.98  # lines along faces of voxels are in either one
+    if eyes is ALL_AROUND:
+        truth = wv.render(room(device), small, poses, exclude=["cup"], outputs="depth").depth.numpy()
+        both = np.isfinite(depth) & np.isfinite(truth)
+        assert both.mean() > 0.4
+        assert np.median(np.abs(depth - truth)[both]) < 0.04
 
 
 def test_points_behind_a_measured_wall_are_occluded(device):

@@ -31,7 +31,9 @@ class LineLimits:
 class Line:
     """Surfaces and unknown space on a line of sight."""
 
-    surface: float  # distance of the first surface from the eye [m], inf without one
+    surface: float  # distance of the first surface that blocks it from the eye [m], inf without one
+    first_surface: float  # distance of the first surface, which may be that of the target [m]
+    first_unknown: float  # distance of the first space that was not measured [m]
     unknown: float  # length that was not measured, up to the surface [m]
     unknown_share: float  # of the examined length
 
@@ -136,6 +138,8 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
     """
     line = Line()
     line.surface = wp.inf
+    line.first_surface = wp.inf
+    line.first_unknown = wp.inf
     length = wp.length(target - eye)
     first, last = wp.float64(limits.eye_clearance), length - wp.float64(limits.margin)
     if not last > first:
@@ -149,8 +153,11 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
     if not inside[1] > inside[0]:
         line.unknown = float(last - first)
         line.unknown_share = 1.0
+        line.first_unknown = float(first)
         return line
     unknown = inside[0] - first  # up to the current cell, and at first outside of the grid
+    if unknown > wp.float64(0.0):
+        line.first_unknown = float(first)
     # Distance at which the current run of surface cells begins, and the unknown length before it.
     run, unknown_before = wp.float64(wp.inf), wp.float64(0.0)
     voxel = voxel_on_line(blocks, origin + inside[0] * direction)
@@ -165,6 +172,7 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
             if wp.isfinite(run):
                 break
             if cell.value <= NOT_MEASURED:
+                line.first_unknown = wp.min(line.first_unknown, float(reached))
                 unknown += leaves.distance - reached
         reached = leaves.distance
         if leaves.axis < 0:
@@ -175,8 +183,10 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
     if wp.isfinite(run) and reached < last:  # a run that reaches the end is the target's own surface
         line.surface = float(run)
         unknown = unknown_before
-    else:
+    elif last > inside[1]:
+        line.first_unknown = wp.min(line.first_unknown, float(inside[1]))
         unknown += last - inside[1]
+    line.first_surface = float(run)
     line.unknown = float(unknown)
     line.unknown_share = float(unknown / (last - first))
     return line
@@ -252,6 +262,36 @@ def hide_pixels(
         segmentation_out[view, y, x] = NO_OBJECT
         depth_out[view, y, x] = 0.0
         wp.atomic_add(unknown_pixels_out, view, column_of_object[seen], 1)
+
+
+@wp.kernel
+def render_map(
+    # Cameras:
+    camera: PinholeCamera,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    blocks: Blocks,
+    # Out:
+    depth_out: wp.array3d[float],
+):
+    """Write the depth of the first surface of the map; NaN if space that was not measured is in front of it."""
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+
+    ray = pixel_ray(camera, y, x)
+    per_depth = float(wp.length(ray))
+    eye = pose_origin(camera_to_world[view])
+    direction = wp.quat_rotate(pose_rotation(camera_to_world[view]), ray)
+    limits = LineLimits()
+    limits.eye_clearance = camera.near * per_depth
+    line = trace_line(blocks, eye, eye + wp.float64(camera.far) * direction, limits)
+    depth = float(wp.inf)
+    if line.first_unknown < line.first_surface:
+        depth = wp.nan
+    elif wp.isfinite(line.first_surface):
+        depth = line.first_surface / per_depth
+    depth_out[view, y, x] = depth
 
 
 @wp.kernel

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy, as_points, check_length, empty, get_device
 from warpvis.core.checks import check_number, is_number
-from warpvis.core.poses import Convention, QuaternionOrder, check_up, poses_to_matrices
+from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_images, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
-from warpvis.errors import ArrayError
+from warpvis.errors import ArrayError, CameraError
 from warpvis.maps._depth_sigma import Sigma
 from warpvis.maps._floor_map import count_cells
 from warpvis.maps._occupancy_blocks import BlockStorage
@@ -191,6 +192,49 @@ class OccupancyMap:
             threads=threads,
         )
         return result
+
+    def render_depth(
+        self,
+        camera: Camera,
+        camera_to_world: PoseLike,
+        *,
+        convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
+        threads: int | None = None,
+    ) -> wp.array:
+        """Return the depth that cameras would measure if the map were the world.
+
+        Args:
+            camera: A pinhole camera with a finite `far`.
+            camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
+            convention: Axes of the camera frame of the poses.
+            quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
+            threads: Number of CPU threads; all cores by default.
+
+        Returns:
+            Planar depth of the first SURFACE voxel [m], ``(V, H, W)`` float32: +inf if the space up to `far` is free,
+            NaN if space that was never measured is in front of the surface.
+
+        Raises:
+            CameraError: If the camera is not a pinhole, or its `far` is infinite.
+        """
+        from warpvis.kernels.maps import occupancy_lines
+
+        lens = require_camera(camera, "camera").device_struct()
+        if math.isinf(camera.far):
+            raise CameraError("far of the camera must be finite to render a map, got inf")
+        rows = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+        poses = parse_poses(rows, convention=convention, device=self.device)
+        depth = empty((len(poses), camera.height, camera.width), wp.float32, name="depth", device=self.device)
+        inputs = [self.device_struct(), depth]
+        launch_images(
+            occupancy_lines.render_map,
+            depth.shape,
+            lambda window: [lens, poses, window, *inputs],
+            device=self.device,
+            threads=threads,
+        )
+        return depth
 
     def voxel_map(
         self,
