@@ -25,7 +25,7 @@ def compare_depth(
     edge: int = 1,
     empty: int = Agreement.NO_SURFACE,
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.float64]]:
-    """Return labels of one view, residuals, and by how many meters depth is inside of its limits; negative outside."""
+    """Return labels of one view, residuals, and the distance of depth to the nearest limit [m]."""
     expected, depth = expected.astype(np.float64), depth.astype(np.float64)
     size = 2 * edge + 1
     nearest = ndimage.minimum_filter(expected, size, mode="nearest")
@@ -34,10 +34,12 @@ def compare_depth(
         measured = np.isfinite(depth) & (depth > 0) & (depth >= camera.near) & (depth <= camera.far)
         below = depth - (nearest - tolerance - threshold * sigma(nearest))
         above = np.where(np.isinf(farthest), np.inf, farthest + tolerance + threshold * sigma(farthest) - depth)
+        own = np.where(np.isinf(expected), -np.inf, tolerance + threshold * sigma(expected) - np.abs(depth - expected))
         labels = np.select(
-            [~measured, np.isinf(nearest), below < 0, above < 0],
-            [Agreement.NO_MEASUREMENT, empty, Agreement.NEARER, Agreement.FARTHER],
+            [~measured, own >= 0, np.isinf(nearest), below < 0, above < 0],
+            [Agreement.NO_MEASUREMENT, Agreement.AGREES, empty, Agreement.NEARER, Agreement.FARTHER],
             Agreement.AGREES,
         )
         residual = np.where(measured & np.isfinite(expected), (depth - expected) / sigma(expected), np.nan)
-    return labels.astype(np.uint8), residual, np.fmin(below, above)
+        margin = np.fmin(np.abs(np.fmin(below, above)), np.abs(own))
+    return labels.astype(np.uint8), residual, margin

@@ -33,18 +33,61 @@ class Criteria:
     tolerance: float
     edge: int
     empty: wp.uint8  # label of pixels with depth where no surface is expected
-    first_log: float  # logarithm of the depth [m] of the first standard deviation
-    steps_per_log: float
+    first_bits: int  # bits of the depth [m] of the first standard deviation
+    step_bits: int  # distance of the bits of the next depth
+    span: int  # pixels of a row per thread
 
 
 @wp.func
 def sigma_at(criteria: Criteria, sigmas: wp.array[float], depth: float) -> float:
-    """Interpolate the standard deviation of depth [m] between depths whose logarithms are equidistant."""
+    """Interpolate the standard deviation of depth [m] linearly between depths whose binary forms are equidistant."""
     last = sigmas.shape[0] - 1
-    place = wp.clamp((wp.log(depth) - criteria.first_log) * criteria.steps_per_log, 0.0, float(last))
-    before = wp.min(int(place), last - 1)
+    place = wp.clamp(wp.cast(depth, int) - criteria.first_bits, 0, last * criteria.step_bits)
+    before = wp.min(place / criteria.step_bits, last - 1)
     start = sigmas[before]
-    return start + (sigmas[before + 1] - start) * (place - float(before))
+    return start + (sigmas[before + 1] - start) * float(place - before * criteria.step_bits) / float(criteria.step_bits)
+
+
+@wp.func
+def compare_pixel(
+    view: int,
+    y: int,
+    x: int,
+    criteria: Criteria,
+    sigmas: wp.array[float],
+    expected_in: wp.array3d[float],
+    depth_in: wp.array3d[float],
+    labels_out: wp.array3d[wp.uint8],
+    residual_out: wp.array3d[float],
+):
+    depth = depth_in[view, y, x]
+    if not has_depth(depth, criteria.near, criteria.far):
+        labels_out[view, y, x] = NO_MEASUREMENT
+        residual_out[view, y, x] = wp.nan
+        return
+    expected = expected_in[view, y, x]
+    residual_out[view, y, x] = wp.nan
+    if wp.isfinite(expected):
+        sigma = sigma_at(criteria, sigmas, expected)
+        residual_out[view, y, x] = (depth - expected) / sigma
+        if wp.abs(depth - expected) <= criteria.tolerance + criteria.threshold * sigma:
+            labels_out[view, y, x] = AGREES
+            return
+
+    nearest = float(wp.inf)
+    farthest = float(0.0)
+    for row in range(wp.max(y - criteria.edge, 0), wp.min(y + criteria.edge + 1, expected_in.shape[1])):
+        for column in range(wp.max(x - criteria.edge, 0), wp.min(x + criteria.edge + 1, expected_in.shape[2])):
+            nearest = wp.min(nearest, expected_in[view, row, column])
+            farthest = wp.max(farthest, expected_in[view, row, column])
+    label = AGREES
+    if nearest == wp.inf:
+        label = criteria.empty
+    elif nearest - depth > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, nearest):
+        label = NEARER
+    elif depth - farthest > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, farthest):
+        label = FARTHER
+    labels_out[view, y, x] = label
 
 
 @wp.kernel
@@ -63,26 +106,6 @@ def compare_depth(
     """Label pixels by measured depth against the range of expected depth around them, and write residuals."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    depth = depth_in[view, y, x]
-    if not has_depth(depth, criteria.near, criteria.far):
-        labels_out[view, y, x] = NO_MEASUREMENT
-        residual_out[view, y, x] = wp.nan
-        return
-    expected = expected_in[view, y, x]
-    residual = (depth - expected) / sigma_at(criteria, sigmas, expected)
-    residual_out[view, y, x] = wp.where(wp.isfinite(expected), residual, wp.nan)
-
-    nearest = float(wp.inf)
-    farthest = float(0.0)
-    for row in range(wp.max(y - criteria.edge, 0), wp.min(y + criteria.edge + 1, expected_in.shape[1])):
-        for column in range(wp.max(x - criteria.edge, 0), wp.min(x + criteria.edge + 1, expected_in.shape[2])):
-            nearest = wp.min(nearest, expected_in[view, row, column])
-            farthest = wp.max(farthest, expected_in[view, row, column])
-    label = AGREES
-    if nearest == wp.inf:
-        label = criteria.empty
-    elif nearest - depth > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, nearest):
-        label = NEARER
-    elif depth - farthest > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, farthest):
-        label = FARTHER
-    labels_out[view, y, x] = label
+    first = x * criteria.span
+    for column in range(first, wp.min(first + criteria.span, expected_in.shape[2])):
+        compare_pixel(view, y, column, criteria, sigmas, expected_in, depth_in, labels_out, residual_out)

@@ -29,12 +29,12 @@ from warpvis.core.poses import (
     poses_to_opencv,
     to_xyzw,
 )
-from warpvis.core.threads import check_threads, launch_images
+from warpvis.core.threads import WHOLE_ROW, check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
-from warpvis.maps._depth_sigma import KNOTS, Sigma, tabulate_sigma
+from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene, require_scene
@@ -153,8 +153,8 @@ def compare_depth(
 ) -> DepthComparison:
     """Compare measured depth images with those that a scene predicts.
 
-    A pixel is nearer or farther if its depth differs by more than ``tolerance + threshold * sigma`` from every depth
-    between the nearest and the farthest expected one in a window around it. The window makes edges insensitive to
+    A pixel agrees if its depth differs by at most ``tolerance + threshold * sigma`` from the expected one, or from a
+    depth between the nearest and the farthest expected one in a window around it. The window makes edges insensitive to
     errors of the pose, of the calibration and of the sensor of up to `edge` pixels. With normal errors, no window and
     no tolerance, a fraction of ``erfc(threshold / sqrt(2))`` of the pixels of an unchanged scene is labeled wrongly:
     0.00006 for 4.
@@ -251,12 +251,14 @@ def _compare_images(
     from warpvis.kernels.maps.compare_depth import compare_depth as kernel
 
     results = empty_images(depth.shape, {"labels": wp.uint8, "residual": wp.float32}, depth.device)
+    criteria.span = WHOLE_ROW if depth.device.is_cpu else 1
     launch_images(
         kernel,
         depth.shape,
         lambda window: [window, criteria, sigmas, expected, depth, *results.values()],
         device=depth.device,
         threads=threads,
+        span=criteria.span,
     )
     return results
 
@@ -274,6 +276,5 @@ def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: o
         raise ArrayError(f"edge must be from 0 to {_MAX_EDGE} px, got {edge!r}")
     empty = Agreement.NEARER if check_flag(complete, "complete") else Agreement.NO_SURFACE
     criteria.empty = int(empty)
-    criteria.first_log, last = np.log(KNOTS[[0, -1]]).tolist()
-    criteria.steps_per_log = (len(KNOTS) - 1) / (last - criteria.first_log)
+    criteria.first_bits, criteria.step_bits = int(KNOTS[:1].astype(np.float32).view(np.int32)[0]), KNOT_STEP
     return criteria
