@@ -23,6 +23,8 @@ SAYS = {
     "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "
     r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; neither sees",
     "depth_sensors.py": r"realsense_d415: VALID \d+\.\d%, .*, SHADOW .*, BAND (.|\n)*structure: .*RANGE .*median",
+    "expected_depth.py": r"vanished 'cup' at .*\nmoved 'box' at .* by \([+-]0\.00, -0\.1[12], [+-]0\.00\) m "
+    r"(.|\n)*appeared something",
     "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*"
     r"SimKinect +\d(.|\n)*Corruptions.*lost",
     "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",

@@ -32,8 +32,9 @@ _NEIGHBORS = 5
 # Boxes contain the points between these percentiles along each axis.
 _PERCENTILES = 2.0, 98.0
 
-# Maximum ratio of the diagonals of the boxes of a moved object before and after.
-_SIZE_RATIO = 2.0
+# Maximum ratio of the sides of a cluster and of the object that it is, beyond the gap of clusters; maximum ratio of the
+# diagonals of the object and of the cluster, which has no pixels at edges; and maximum cost of points at the new place.
+_GROWTH, _LOSS, _MAX_COST = 1.4, 2.5, 0.5
 
 # Largest coordinate of a grid cell: its number must be a 64-bit integer.
 _MAX_CELL = 2e6
@@ -145,7 +146,7 @@ def find_changes(
     novel = (rest.labels == DEPTH_NEARER) | unmodeled
     appeared = _clusters(evidence, evidence.depth, novel, min_pixels, gap)
     before = {index: _box(evidence, evidence.segmentation == index) for index in candidates}
-    matches = _match(before, suspects, appeared, displacements[1])
+    matches = _match(evidence, before, suspects, appeared, gap, displacements[1])
 
     changes = []
     for index in candidates:
@@ -156,9 +157,7 @@ def find_changes(
         fields: dict[str, object] = {"position": None, "extent": None} if place is None else place.fields()
         pixels, displacement = agrees if kind == "present" else int(counts[index].sum()), None
         if index in matches:
-            cluster = matches[index]
-            assert place is not None  # for type checkers: only objects with a place are matched
-            shift = _refine(evidence, index, cluster.center - place.center, gap)
+            cluster, shift = matches[index]
             kind, fields, pixels = "present", cluster.fields(), cluster.pixels
             if np.linalg.norm(shift) > max(displacements[0], _MIN_SHIFT * cluster.pixel_size):
                 kind, displacement = "moved", _triple(shift)
@@ -166,7 +165,7 @@ def find_changes(
             if seen >= min_pixels and farther >= _VANISHED * seen:
                 kind, pixels = "vanished", farther
         changes.append(_change(kind, evidence.scene, index, {**fields, "pixels": pixels}, displacement))
-    taken = {id(cluster) for cluster in matches.values()}
+    taken = {id(cluster) for cluster, _ in matches.values()}
     changes += [_change("appeared", None, -1, cluster.fields()) for cluster in appeared if id(cluster) not in taken]
     gone = (rest.labels == DEPTH_FARTHER) & ~was_suspect
     vanished_things = _clusters(evidence, rest.expected, gone, min_pixels, gap)
@@ -192,29 +191,40 @@ def _count(evidence: Evidence, objects: int) -> NDArray[np.int64]:
 
 
 def _match(
-    before: dict[int, _Cluster | None], suspects: Sequence[int], clusters: Sequence[_Cluster], max_displacement: float
-) -> dict[int, _Cluster]:
-    """Return the cluster of each suspect, of a similar size: pairs with the smallest distances first."""
+    evidence: Evidence,
+    before: dict[int, _Cluster | None],
+    suspects: Sequence[int],
+    clusters: Sequence[_Cluster],
+    gap: float,
+    max_displacement: float,
+) -> dict[int, tuple[_Cluster, NDArray[np.float64]]]:
+    """Return the cluster and the displacement of each suspect that moved: pairs with the smallest distances first."""
     pairs = []
     for index in suspects:
         place = before[index]
         for number, cluster in enumerate(clusters if place is not None else ()):
             assert place is not None  # for type checkers
             distance = float(np.linalg.norm(cluster.center - place.center))
-            sizes = sorted(float(np.linalg.norm(item.extent)) for item in (cluster, place))
-            if distance <= max_displacement and sizes[1] <= _SIZE_RATIO * sizes[0]:
-                pairs.append((distance, index, number))
-    found: dict[int, _Cluster] = {}
+            fits = (cluster.extent <= _GROWTH * place.extent + gap).all()
+            lost = np.linalg.norm(place.extent) > _LOSS * np.linalg.norm(cluster.extent)
+            if distance <= max_displacement and fits and not lost:
+                pairs.append((distance, index, number, cluster.center - place.center))
+    found: dict[int, tuple[_Cluster, NDArray[np.float64]]] = {}
     taken: set[int] = set()
-    for _, index, number in sorted(pairs):
+    for _, index, number, first in sorted(pairs, key=lambda pair: pair[:3]):
         if index not in found and number not in taken:
-            found[index] = clusters[number]
-            taken.add(number)
+            shift, cost = _refine(evidence, index, first, gap)
+            if cost <= _MAX_COST:
+                found[index] = clusters[number], shift
+                taken.add(number)
     return found
 
 
-def _refine(evidence: Evidence, index: int, shift: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
-    """Return the displacement at which the visible points of an object match measured depth best, near a first one.
+def _refine(
+    evidence: Evidence, index: int, shift: NDArray[np.float64], gap: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the displacement at which an object's visible points match measured depth best, near a first one, and the
+    cost.
 
     The bounding box of a cluster is too small where the sensor lost pixels at edges. Here, points at lost pixels do not
     count, and points beside the moved object see the background. The cost of a point is the squared error of depth,
@@ -241,7 +251,7 @@ def _refine(evidence: Evidence, index: int, shift: NDArray[np.float64], gap: flo
         costs /= np.maximum(counts, 1)
         weights = np.exp((costs.min() - costs) / _COST_SCALE) * (counts >= counts.max() / 2)
         shift = weights @ grid / weights.sum()
-    return shift
+    return shift, float(costs.min())
 
 
 def _clusters(
