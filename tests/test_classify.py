@@ -10,6 +10,7 @@ import warp as wp
 import warpvis as wv
 from warpvis import Label, scenes
 from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import ArrayError
 from warpvis.maps import Sphere
 
 import reference
@@ -287,6 +288,12 @@ def test_fitted_floor_is_the_ground(device):
     fit = wv.fit_floor(depth, camera, pose, up=(0, 0, 1))
     labels = wv.classify(depth.numpy(), camera, pose, floor=fit, ground_tolerance=0.02, device=device).numpy()
     assert (labels == expected).mean() > 0.995 and (labels == Label.GROUND).mean() > 0.2
+    own = wv.fit_floor(depth, camera)
+    identity = (0, 0, 0, 0, 0, 0, 1)
+    labels = wv.classify(depth.numpy(), camera, identity, floor=own, ground_tolerance=0.02, device=device).numpy()
+    assert (labels == expected).mean() > 0.995
+    with pytest.raises(ArrayError, match="floor must be in the world frame"):
+        wv.classify(depth, camera, own.camera_to_world, floor=own)
 
 
 def test_noise_of_a_sensor_keeps_the_floor_ground(device):

@@ -161,6 +161,8 @@ def classify(
     ground.below_label = _LABELS.number(below_label)
     ground.height = check_length(ground_height, "ground_height", signed=True)
     _set_plane(ground, check_up(up), floor)
+    if isinstance(floor, FloorFit) and floor.in_camera_frame:
+        _require_identity(poses)
     if depth.device.is_cpu and floor is None and ground.below_label == Label.GROUND:
         plane = np.array([*map(float, ground.normal), float(ground.offset) - ground.height])
         check_floor(depth.numpy(), camera, poses.numpy().reshape(-1, 7), plane, reach, check_convention(convention))
@@ -177,6 +179,15 @@ def classify(
         sphere_count,
     )
     return labels
+
+
+def _require_identity(poses: wp.array) -> None:
+    """Check that poses in host memory are those of cameras in their own frames."""
+    if poses.device.is_cpu and np.abs(np.abs(poses.numpy()) - [0, 0, 0, 0, 0, 0, 1]).max(initial=0.0) > 1e-6:
+        raise ArrayError(
+            "floor must be in the world frame, got the result of fit_floor without camera_to_world, which is in the "
+            "camera's frame; pass FloorFit.camera_to_world as the pose and no floor"
+        )
 
 
 def _set_plane(ground: Ground, axis: int, floor: FloorFit | ArrayLike | None) -> None:

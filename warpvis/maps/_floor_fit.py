@@ -57,6 +57,8 @@ class FloorFit:
     ``(7,)``. It is the smallest rotation that makes the normal vertical, which keeps the yaw, and a vertical shift."""
     camera_to_world: NDArray[np.float64]
     """Pose of the camera in that world, with OpenCV axes: row ``x y z qx qy qz qw``, shape ``(7,)``."""
+    in_camera_frame: bool
+    """Whether no pose was given, so that the frame of the input is that of the camera."""
     camera_height: float
     """Height of the camera above the floor [m]."""
     inlier_fraction: float
@@ -177,6 +179,7 @@ def fit_floor(
     judgment = Judgment(cells, choice, surface, prior)
     return FloorFit(
         **_transforms(pose, matrix, surface.normal, surface.height),
+        in_camera_frame=camera_to_world is None,
         camera_height=surface.height,
         inlier_fraction=surface.inlier_fraction,
         inliers=_find_inliers(points, surface, cells.noise),
