@@ -42,6 +42,7 @@ def top_cases(folder):
     voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
     occupancy = wv.OccupancyMap(0.1, bounds=[(-2, -2, -1), (2, 2, 1)])
     occupancy.integrate(DEPTH, CAMERA, POSE)
+    occupancy.save(folder / "occupancy.npz")
     return {
         # Top-level package.
         "Agent": (
@@ -262,6 +263,11 @@ def top_cases(folder):
         "OccupancyMap.voxel_map": (
             occupancy.voxel_map,
             {"bounds": [(0, 0, 0), (1, 1, 1)], "ground_height": 0.0, "ground_tolerance": 0.03, "threads": 1},
+        ),
+        "OccupancyMap.save": (occupancy.save, {"path": path.with_suffix(".bt")}),
+        "OccupancyMap.load": (
+            wv.OccupancyMap.load,
+            {"path": folder / "occupancy.npz", "bounds": [(0, 0, 0), (1, 1, 1)], "device": "cpu"},
         ),
         "VoxelMap.volume": (voxels.volume, {"state": "free"}),
         "VoxelMap.floor_map": (voxels.floor_map, {"robots": [(0, 0, 0.1)]}),

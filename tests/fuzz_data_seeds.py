@@ -282,6 +282,16 @@ def depth_images(root: Path) -> Iterator[Item]:
         yield "depth images", {name: data}, (), lambda folder, name=name: read_depth(folder / name)
 
 
+def occupancy_maps(root: Path) -> Iterator[Item]:
+    depth = np.random.default_rng(0).uniform(0.5, 2, (1, 9, 12)).astype(np.float32)
+    occupancy = wv.OccupancyMap(0.1, device="cpu")
+    occupancy.integrate(depth, CAMERA, wv.look_at((0, 0, 1), (1, 0, 0.5))[None])
+    for name in ("a.npz", "a.bt"):
+        occupancy.save(root / name)
+        files = {name: (root / name).read_bytes()}
+        yield "occupancy maps", files, (), lambda folder, name=name: wv.OccupancyMap.load(folder / name, device="cpu")
+
+
 def datasets(root: Path) -> Iterator[Item]:
     """Yield datasets of every format whose dependencies are installed; the reader verifies and resumes them."""
     kinds = [(kind, {}, {}) for kind in FORMATS] + [("zarr", {"compression": "zstd"}, {})]
@@ -391,4 +401,4 @@ def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Ca
     return read
 
 
-MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, recordings, datasets)
+MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, occupancy_maps, recordings, datasets)

@@ -400,7 +400,7 @@ def test_npy_without_numpy_array_raises(tmp_path):
 @pytest.fixture
 def small_bound(monkeypatch):
     """Limit the unpacked size of files to 10,000 bytes."""
-    monkeypatch.setattr("warpvis.io._files._MAX_BYTES", 10_000)
+    monkeypatch.setattr("warpvis.core.numpy_files.MAX_UNPACKED", 10_000)
 
 
 def poses_at_origin(count):
@@ -441,7 +441,7 @@ def test_unpacked_size_of_parquet_poses_is_limited(tmp_path, small_bound):
 
 @pytest.mark.parametrize("ending", [".zip", ".tar.gz"])
 def test_oversized_archives_raise_without_using_memory(tmp_path, monkeypatch, ending):
-    monkeypatch.setattr("warpvis.io._files._MAX_BYTES", 30_000_000)
+    monkeypatch.setattr("warpvis.core.numpy_files.MAX_UNPACKED", 30_000_000)
     path, size = tmp_path / f"a{ending}", 50_000_000
     if ending == ".zip":
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

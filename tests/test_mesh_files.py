@@ -456,7 +456,7 @@ def test_invalid_archives_are_rejected(tmp_path, monkeypatch):
     assert "x.zip/bad.glb: cannot be read as GLB: " in refusal(zipped(ball_stl=stl, bad_glb=b"junk"))
     assert "'a.stl' and 'b.glb' have different vertical axes" in refusal(zipped(a_stl=stl, b_glb=writer.bytes()))
     assert "x.tar.gz: cannot be unpacked: " in refusal(write(tmp_path, b"junk", "x.tar.gz"))
-    monkeypatch.setattr("warpvis.io._files._MAX_BYTES", 10_000)
+    monkeypatch.setattr("warpvis.core.numpy_files.MAX_UNPACKED", 10_000)
     for path in (
         zipped(bomb_stl=bytes(10**6)),
         write(tmp_path, tar(bytes(10**6), "bomb.stl"), "x.tar.gz"),
@@ -488,5 +488,5 @@ def test_invalid_3mf_is_rejected(tmp_path, monkeypatch):
     monkeypatch.setattr(trimesh, "available_formats", lambda: {"3mf"})
     wanted = "the unit must be one of micron, millimeter, centimeter, inch, foot, meter, got 'mile'"
     assert refusal(write(tmp_path, threemf(' unit="mile"', ["a"]), "x.3mf")).endswith(wanted)
-    monkeypatch.setattr("warpvis.io._files._MAX_BYTES", 100)
+    monkeypatch.setattr("warpvis.core.numpy_files.MAX_UNPACKED", 100)
     assert "x.3mf: unpacks to more than 1 GiB" in refusal(write(tmp_path, threemf("", ["a"]), "x.3mf"))

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+from warpvis.core.numpy_files import read_archive as read_archive
 from warpvis.io._bag_files import BagFile as BagFile
 from warpvis.io._cloud_messages import register_livox_types, to_laserscan, to_livox_msg
 from warpvis.io._depth import (
@@ -20,7 +21,6 @@ from warpvis.io._depth import (
     read_depth,
     save_depth_png,
 )
-from warpvis.io._files import read_archive as read_archive
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points, save_cloud, save_clouds
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts

@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_number, describe_exception
 from warpvis.core.file_content import reading, require_content, writing
+from warpvis.core.numpy_files import read_array
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, FileFormatError
-from warpvis.io._files import read_array
 
 NO_DEPTH_UINT16 = 65_535
 """Value of 16-bit depth images from other programs for no depth, as is 0 (7-Scenes), or for saturation."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readers of text, NumPy files and archives, with uniform error messages and a limit of the unpacked size."""
+"""Readers of text and archives, with uniform error messages and a limit of the unpacked size."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ import lzma
 import os
 import tarfile
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from warpvis.core.checks import describe_exception, truncate
-from warpvis.core.file_content import read_text, reading
+from warpvis.core import numpy_files
+from warpvis.core.checks import describe_exception
+from warpvis.core.file_content import read_text
+from warpvis.core.numpy_files import check_unpacked
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
 
@@ -36,8 +37,6 @@ ARCHIVES = (*_ZIPS, *_TARS, *_SINGLE)
 
 _Stream = IO[bytes] | gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile
 
-# A few thousand bytes can unpack to any size.
-_MAX_BYTES = 1 << 30
 _PIECE = 1 << 20
 
 # rosbags allocates what the lengths in an MCAP file (https://mcap.dev/spec) specify, which may be anything in a damaged
@@ -51,46 +50,6 @@ _UNPACKED = slice(16, 24)
 _FIX = "write it in smaller chunks"
 _MCAP_SIZES = 16
 """Bytes at the end of a chunk index: its stored and its uncompressed length."""
-
-
-def read_array(path: Path) -> NDArray[np.generic]:
-    """Read the array of a ``.npy`` file."""
-    loaded = _load_numpy(path, "NPY")
-    if isinstance(loaded, NpzFile):
-        loaded.close()
-        raise FileFormatError(f"{path}: cannot be read as NPY: it is an archive")
-    return loaded
-
-
-def read_archive(path: Path, selected: Sequence[str], needed: str) -> dict[str, NDArray[np.generic]]:
-    """Read the arrays `selected` of a ``.npz`` file, of which `needed` is required; others are not read."""
-    loaded = _load_numpy(path, "NPZ")
-    if not isinstance(loaded, NpzFile):
-        raise FileFormatError(f"{path}: cannot be read as NPZ: it is one array")
-    with loaded:
-        names = list(loaded)
-        members = loaded.zip.infolist() if loaded.zip is not None else []
-        packed = [info for info in members if info.compress_type != zipfile.ZIP_STORED]
-        size = sum(info.file_size for info in packed if info.filename.removesuffix(".npy") in selected)
-        check_unpacked(path, size, "write it with numpy.savez, without compression")
-        with reading(path, "NPZ"):
-            arrays = {name: loaded[name] for name in selected if name in names}
-    other = [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]
-    if other:
-        raise FileFormatError(f"{path}: cannot be read as NPZ: {other[0]} is not an array")
-    if needed not in arrays:
-        raise FileFormatError(f"{path}: expected an array {needed}, got {truncate(', '.join(names)) or 'no arrays'}")
-    return arrays
-
-
-def _load_numpy(path: Path, kind: str) -> NDArray[np.generic] | NpzFile:
-    with reading(path, kind):
-        try:
-            return np.load(path, allow_pickle=False)
-        except ValueError as error:
-            if str(error).startswith("This file contains pickled"):  # NumPy's message for any unknown file type
-                raise ValueError("it contains no NumPy arrays") from None
-            raise
 
 
 def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np.float64]:
@@ -148,12 +107,6 @@ def is_archive(name: str) -> bool:
     return name.lower().endswith(ARCHIVES)
 
 
-def check_unpacked(path: Path, size: int, fix: str = "unpack it first") -> None:
-    """Raise an error if a file unpacks to more than 1 GiB."""
-    if size > _MAX_BYTES:
-        raise FileFormatError(f"{path}: unpacks to more than 1 GiB, the maximum: {fix}")
-
-
 def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
     """Return the files of an archive by name, in order; a compressed file is named without its suffix.
 
@@ -165,7 +118,7 @@ def unpack(path: Path, zipped: bytes | None = None) -> dict[str, bytes]:
         for name, stream, stored_size in _members(path, zipped):
             check_unpacked(path, size + stored_size)  # before it takes memory
             with stream:
-                found[name] = _read(stream, _MAX_BYTES - size + 1)
+                found[name] = _read(stream, numpy_files.MAX_UNPACKED - size + 1)
             size += len(found[name])
             check_unpacked(path, size)
     except FileFormatError:

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, as_path, check_choice, check_text, check_whole, describe_exception, truncate
 from warpvis.core.file_content import reading, require_content, require_package, writing
+from warpvis.core.numpy_files import read_array
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.io._cloud_messages import check_cloud
-from warpvis.io._files import read_array, read_rows
+from warpvis.io._files import read_rows
 from warpvis.io._ply import straighten_ply
 
 _LINE = "x y z"

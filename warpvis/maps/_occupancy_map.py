@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import os
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
@@ -16,14 +17,17 @@ from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy, as_points, check_length, empty, get_device
-from warpvis.core.checks import check_number, is_number
+from warpvis.core.checks import as_path, check_number, is_number
+from warpvis.core.file_content import reading
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_images, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.maps._depth_sigma import Sigma
 from warpvis.maps._floor_map import count_cells
+from warpvis.maps._known_blocks import read_blocks, write_blocks
 from warpvis.maps._occupancy_blocks import BlockStorage
+from warpvis.maps._occupancy_files import read_map, write_map
 from warpvis.maps._occupancy_views import Integrator
 from warpvis.maps._voxel_map import VoxelMap
 
@@ -87,7 +91,48 @@ class OccupancyMap:
             "maximum": _log_odds(maximum, "maximum", 0.5, 1.0),
         }
         box = None if bounds is None else _check_bounds(bounds)
+        self._options = {"bounds": box, "hit": hit, "miss": miss, "minimum": minimum, "maximum": maximum}
         self._integrator = Integrator(self._blocks, box, log_odds)
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], *, bounds: ArrayLike | None = None, device: DeviceLike = None
+    ) -> OccupancyMap:
+        """Read a map that `save` has written, or an OctoMap in binary form (``.bt``).
+
+        Occupied and free voxels of an OctoMap get the maximum and minimum probability, OctoMap's defaults of 0.971 and
+        0.1192; the others are UNKNOWN. The vertical axis is z.
+
+        Args:
+            path: The file, ``.npz`` or ``.bt``.
+            bounds: Lower and upper corner of the space to read and to map [m], shape ``(2, 3)``; by default that of the
+                map that was saved, and everything for an OctoMap. Blocks on the boundary are read.
+            device: Device of the map and of its computations.
+
+        Raises:
+            FileFormatError: If the file cannot be read, is damaged, or contains too many blocks.
+        """
+        place, target = as_path(path), get_device(device)
+        box = None if bounds is None else _check_bounds(bounds)
+        options, known = read_map(place)
+        with reading(place, "an occupancy map"):
+            result = cls(**(options if box is None else {**options, "bounds": box}), device=target)
+            write_blocks(result._blocks, known if box is None else known.clip(box, result._blocks.block_side))
+        return result
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the known blocks and the options of the map to a file, which `load` reads.
+
+        Args:
+            path: ``.npz`` for NumPy's format, which keeps everything; or ``.bt`` for OctoMap's binary octree, which
+                only has occupied (SURFACE) and free voxels. Log-odds, HIDDEN voxels, options and the vertical axis are
+                not stored in it. It ends 32768 voxels from the origin.
+
+        Raises:
+            FileFormatError: If the file cannot be written.
+        """
+        options = {"cell_size": self.cell_size, "up": self.up, **self._options}
+        write_map(as_path(path), options, read_blocks(self._blocks))
 
     @property
     def cell_size(self) -> float:

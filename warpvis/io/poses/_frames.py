@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from warpvis.cameras.frames import Frames
 from warpvis.core.checks import as_path, check_flag, truncate
 from warpvis.core.file_content import read_json, require_content
+from warpvis.core.numpy_files import read_archive, read_array
 from warpvis.core.poses import Convention, QuaternionOrder, check_convention, check_quaternion, poses_to_matrices
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
 from warpvis.io._bag_files import BAG_SUFFIXES
-from warpvis.io._files import as_numbers, read_archive, read_array, shorten
+from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._colmap import colmap_camera, colmap_images
 from warpvis.io.cameras._json import bop_images_camera, nerfstudio_camera
 from warpvis.io.cameras._making import camera_of_poses

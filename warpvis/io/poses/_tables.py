@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_path, pluralize, truncate
 from warpvis.core.file_content import reading, require_package
+from warpvis.core.numpy_files import check_unpacked
 from warpvis.core.poses import LENGTH_TOLERANCE
 from warpvis.errors import FileFormatError
-from warpvis.io._files import check_unpacked, read_lines, read_rows, shorten
+from warpvis.io._files import read_lines, read_rows, shorten
 from warpvis.io.poses._file_poses import FilePoses
 
 if TYPE_CHECKING:

@@ -16,11 +16,11 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import pluralize
 from warpvis.core.file_content import is_file, reading, require_content
+from warpvis.core.numpy_files import read_array
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError
 from warpvis.io._depth import pixels_to_depth, read_pixels
-from warpvis.io._files import read_array
 from warpvis.io.cameras._making import image_size
 from warpvis.io.recordings._recording import FrameReader
 
