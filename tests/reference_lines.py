@@ -54,13 +54,21 @@ def judge_lines(
 
 
 def render_map(dense: DenseMap, eye: NDArray, rays: NDArray, near: float, far: float) -> NDArray:
-    """Return the depth of the first surface along rays of depth 1: NaN behind unknown space, inf without a surface."""
+    """Return the depth of the first surface along rays of depth 1: NaN behind unknown space, inf without a surface.
+
+    It is in the middle of the first run of surface voxels, at most 1.5 voxels behind its beginning.
+    """
     depths = []
     for ray in rays.reshape(-1, 3):
         length = np.linalg.norm(ray)
         t, values = _cells(dense, eye, ray / length, near * length, far * length)
-        first = [t[np.flatnonzero(mask)[0]] if mask.any() else np.inf for mask in (values >= 0, values <= NOT_MEASURED)]
-        depths.append(np.nan if first[1] < first[0] else first[0] / length)
+        unknown, solid = (np.flatnonzero(mask) for mask in (values <= NOT_MEASURED, values >= 0))
+        if not len(solid) or (len(unknown) and unknown[0] < solid[0]):
+            depths.append(np.nan if len(unknown) else np.inf)
+            continue
+        after = np.flatnonzero(values[solid[0] :] < 0)
+        end = t[solid[0] + after[0]] if len(after) else t[-1]
+        depths.append((t[solid[0]] + min((end - t[solid[0]]) / 2, 1.5 * dense.cell)) / length)
     return np.array(depths).reshape(rays.shape[:-1])
 
 

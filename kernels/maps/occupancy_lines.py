@@ -14,6 +14,9 @@ from warpvis.kernels.visibility.points import OCCLUDED, UNKNOWN, VISIBLE, locate
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
+MAX_HALF_THICKNESS = wp.constant(1.5)
+"""Half of the largest thickness of a surface in the map, in voxels."""
+
 NO_OBJECT = wp.constant(-1)
 """Segmentation of pixels whose line of sight is blocked by the map."""
 
@@ -32,7 +35,7 @@ class Line:
     """Surfaces and unknown space on a line of sight."""
 
     surface: float  # distance of the first surface that blocks it from the eye [m], inf without one
-    first_surface: float  # distance of the first surface, which may be that of the target [m]
+    first_surface: float  # distance of the first surface, which may be that of the target [m]; see `surface_in_run`
     first_unknown: float  # distance of the first space that was not measured [m]
     unknown: float  # length that was not measured, up to the surface [m]
     unknown_share: float  # of the examined length
@@ -130,6 +133,16 @@ def next_voxel(cell: Cell, leaves: Exit, origin: wp.vec3d, direction: wp.vec3d) 
 
 
 @wp.func
+def surface_in_run(blocks: Blocks, first: wp.float64, last: wp.float64) -> wp.float64:
+    """Return where the surface is in a run of surface cells: the middle, since noise makes it thick on both sides.
+
+    At most `MAX_HALF_THICKNESS` voxels behind the beginning, for solid objects.
+    """
+    half = wp.float64(0.5) * (last - first)
+    return first + wp.min(half, wp.float64(MAX_HALF_THICKNESS) * blocks.cell)
+
+
+@wp.func
 def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimits) -> Line:
     """Return the surface and the unknown space on the line of sight from an eye to a target.
 
@@ -186,7 +199,8 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
     elif last > inside[1]:
         line.first_unknown = wp.min(line.first_unknown, float(inside[1]))
         unknown += last - inside[1]
-    line.first_surface = float(run)
+    if wp.isfinite(run):
+        line.first_surface = float(surface_in_run(blocks, run, reached))
     line.unknown = float(unknown)
     line.unknown_share = float(unknown / (last - first))
     return line

@@ -257,8 +257,9 @@ class OccupancyMap:
             threads: Number of CPU threads; all cores by default.
 
         Returns:
-            Planar depth of the first SURFACE voxel [m], ``(V, H, W)`` float32: +inf if the space up to `far` is free,
-            NaN if space that was never measured is in front of the surface.
+            Planar depth of the first surface [m], ``(V, H, W)`` float32: +inf if the space up to `far` is free, NaN if
+            space that was never measured is in front of the surface. The surface is in the middle of the SURFACE voxels
+            on the ray, at most 1.5 voxels behind the first one's face.
 
         Raises:
             CameraError: If the camera is not a pinhole, or its `far` is infinite.
