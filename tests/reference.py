@@ -84,6 +84,7 @@ from reference_occupancy import (  # noqa: F401
     judge_blocks,
     list_blocks,
     mark_points,
+    rectify_depth,
     release_blocks,
     summarize_blocks,
     update_voxels,

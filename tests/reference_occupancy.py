@@ -115,6 +115,20 @@ class DenseMap:
         self.values = np.where(hit | missed, odds, np.where(unseen, NOT_MEASURED, self.values))
 
 
+def rectify_depth(depth: NDArray, lens, pinhole) -> NDArray:
+    """Return planar depth of the pixels of a pinhole from the pixels of a lens that contain their rays."""
+    shown = shown_between(depth, lens.near, lens.far)
+    result = np.full((pinhole.height, pinhole.width), np.nan)
+    for row in range(pinhole.height):
+        for column in range(pinhole.width):
+            ray = pinhole.depth_rays((column + 0.5, row + 0.5))
+            x, y = lens.project(ray)
+            if 0 <= x < lens.width and 0 <= y < lens.height and not lens.mask[int(y), int(x)]:
+                length = np.linalg.norm(ray) if lens.kind == "range" else 1.0
+                result[row, column] = shown[int(y), int(x)] / length
+    return result
+
+
 def fade(values: NDArray, factor: float) -> NDArray:
     return np.where(values > NOT_MEASURED, np.trunc(values * factor), values)
 

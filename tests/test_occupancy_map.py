@@ -11,8 +11,10 @@ import trimesh
 
 import warpvis as wv
 from warpvis import Camera
-from warpvis.errors import ArrayError, WarpvisError
+from warpvis.cameras import LensCamera, lenses
+from warpvis.errors import ArrayError, CameraError, WarpvisError
 from warpvis.maps import OccupancyMap, Voxel
+from warpvis.maps._rectified import Rectification, rectify
 
 from support.voxels import build
 
@@ -193,6 +195,36 @@ def test_voxel_map_labels_the_ground(device):
     assert (labels[surface & (heights < 0.03)] == wv.Label.GROUND).all()
     assert (labels[surface & (heights > 0.03)] == wv.Label.OBSTACLE).all()
     assert {wv.Label.GROUND, wv.Label.OBSTACLE} <= set(np.unique(labels))
+
+
+BENT = lenses.OpenCVPinhole(40, 42, 32.5, 24, (-0.25, 0.05, 0.001, -0.002, 0.0))
+
+
+@pytest.mark.parametrize("kind", ["z", "range"])
+def test_images_of_lenses_are_rectified(device, kind):
+    lens = LensCamera(BENT, 64, 48, near=0.3, far=2.5, kind=kind)
+    scene, poses = build(device), around(3)
+    depth = wv.render(scene, lens, poses, outputs="depth").depth
+    rectified, pinhole = rectify(depth, lens, None)
+    expected = reference_occupancy.rectify_depth(depth.numpy()[0], lens, pinhole)
+    np.testing.assert_allclose(rectified.numpy()[0], expected, rtol=1e-6)
+    assert np.isfinite(expected).mean() > 0.3
+    assert len({int(i) for i in Rectification.of(lens, depth.device).pixels.numpy().ravel()}) > 0.9 * 64 * 48
+
+    # The map is that of the pinhole, apart from the rounding of pixels.
+    of_lens, of_pinhole = OccupancyMap(0.1, device=device), OccupancyMap(0.1, device=device)
+    of_lens.integrate(depth, lens, poses)
+    exact = wv.render(scene, pinhole, poses, outputs="depth").depth.numpy()
+    exact[np.isnan(rectified.numpy())] = np.nan
+    of_pinhole.integrate(exact, pinhole, poses)
+    states = [one.voxel_map(BOX).states.numpy() for one in (of_lens, of_pinhole)]
+    assert (states[0] == states[1]).mean() > 0.93
+
+
+def test_lenses_that_are_too_wide_raise(device):
+    wide = LensCamera(lenses.KannalaBrandt(20, 20, 32, 24, (0.0,) * 4), 64, 48)
+    with pytest.raises(CameraError, match="camera must have rays up to 75 degrees from its axis for a map"):
+        OccupancyMap(0.1, device=device).integrate(np.ones((1, 48, 64), np.float32), wide, around(1))
 
 
 INVALID = {

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy, as_points, check_length, empty, get_device
 from warpvis.core.checks import as_path, check_number, is_number
@@ -29,6 +30,7 @@ from warpvis.maps._known_blocks import read_blocks, write_blocks
 from warpvis.maps._occupancy_blocks import BlockStorage
 from warpvis.maps._occupancy_files import read_map, write_map
 from warpvis.maps._occupancy_views import Integrator
+from warpvis.maps._rectified import rectify
 from warpvis.maps._voxel_map import VoxelMap
 
 if TYPE_CHECKING:
@@ -178,7 +180,8 @@ class OccupancyMap:
 
         Args:
             depth: Depth of each view [m], measured or rendered, as for `warpvis.point_visibility_from_depth`.
-            camera: The camera of the images.
+            camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera` with rays up to 75 degrees
+                from its axis, whose images are rectified.
             camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
             sigma: Standard deviation of depth: a number of meters, a model of `warpvis.sensors`, or a function that
                 takes depths [m], an array, and returns standard deviations [m]; 0 for exact depth.
@@ -189,6 +192,8 @@ class OccupancyMap:
         """
         reach = check_length(max_range, "max_range", zero=False)
         images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, self.device)
+        if isinstance(camera, LensCamera):
+            images, camera = rectify(images, camera, threads)
         matrices = poses_to_matrices(poses.numpy().astype(np.float64))
         self._integrator.add(images, camera, matrices, sigma, min(reach, camera.far), threads)
 

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import empty
 from warpvis.core.checks import is_number
 from warpvis.core.kernel_cache import launch
@@ -49,7 +49,7 @@ class Integrator:
     def add(
         self,
         images: wp.array,
-        camera: ImageCamera,
+        camera: Camera,
         camera_to_world: NDArray[np.float64],
         sigma: Sigma,
         reach: float,
@@ -70,7 +70,7 @@ class Integrator:
             updates = self._judge_blocks(view, depth, bounds, rotation, (low, high), threads)
             self._update_voxels(view, depth, bounds, updates, low, threads)
 
-    def _view_struct(self, camera: ImageCamera, sigma: Sigma, reach: float) -> DepthView:
+    def _view_struct(self, camera: Camera, sigma: Sigma, reach: float) -> DepthView:
         from warpvis.kernels.maps.occupancy import LOG_ODDS_UNIT, DepthView
 
         view = DepthView()
@@ -82,7 +82,7 @@ class Integrator:
         return view
 
     def _frustum_blocks(
-        self, camera: ImageCamera, matrix: NDArray[np.float64], reach: float
+        self, camera: Camera, matrix: NDArray[np.float64], reach: float
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the first blocks and those past the last of a box that contains the image up to a depth."""
         corners = camera.depth_rays([(0, 0), (camera.width, 0), (0, camera.height), (camera.width, camera.height)])
