@@ -96,11 +96,11 @@ def label_floor_by_numpy(depth: NDArray, camera: wv.Camera, poses: NDArray) -> N
 
 
 def _label_floor() -> Contest:
-    """Set up 30 VGA images of a floor and holes, as a measuring camera takes them."""
-    random, camera = np.random.default_rng(0), wv.Camera(640, 480, 525, 525, 320, 240, near=0.3, far=8.0)
-    depth = random.uniform(0.5, 6.0, (30, 480, 640)).astype(np.float32)
-    depth[random.random(depth.shape) < 0.2] = 0.0
-    poses = np.stack([wv.look_at((0, 0, 1.2), (np.cos(a), np.sin(a), 0.7)) for a in np.linspace(0, 6, 30)])
+    """Set up 30 VGA images of a room, with holes as a measuring camera has them."""
+    room, camera = wv.scenes.PRESETS["room"], wv.Camera(640, 480, 525, 525, 320, 240, near=0.3, far=8.0)
+    poses = np.asarray(room.poses(30))
+    depth = wv.render(room.build(), camera, poses, caster="packets").depth.numpy().copy()
+    depth[np.random.default_rng(0).random(depth.shape) < 0.2] = 0.0
     same = float(np.mean(label_floor_by_numpy(depth, camera, poses) == wv.classify(depth, camera, poses).numpy()))
     ours, peer = (partial(function, depth, camera, poses) for function in (wv.classify, label_floor_by_numpy))
     return Contest(ours, {"NumPy": [peer]}, CoreTimer(), same)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,14 +47,13 @@ def check_floor(
         convention: The axes that were given.
     """
     views = np.unique(np.linspace(0, len(depth) - 1, min(len(depth), _MAX_VIEWS)).astype(int))
-    step = max(1, int(np.sqrt(camera.width * camera.height / _MAX_POINTS)))
-    y, x = np.mgrid[step // 2 : camera.height : step, step // 2 : camera.width : step].reshape(2, -1)
+    y, x, rays = _examined_pixels(camera)
     z = depth[views[:, None], y, x].astype(np.float64)
     valid = (z > 0) & (z >= camera.near) & (z <= min(max_range, 1e6))
     if valid.sum() < _MIN_POINTS:
         return
     owner, pixel = np.nonzero(valid)
-    local = camera.depth_rays(np.stack([x, y], axis=-1) + 0.5)[pixel] * z[valid][:, None]
+    local = rays[pixel] * z[valid][:, None]
 
     def heights(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = np.einsum("i,vij->vj", plane[:3], matrices[:, :3])
@@ -73,3 +74,11 @@ def check_floor(
         "floor is at ground_height, such as FloorFit.camera_to_world of fit_floor, or floor=",
         UserWarning,
     )
+
+
+@lru_cache(maxsize=16)
+def _examined_pixels(camera: ImageCamera) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """Return rows and columns of pixels of a grid, and their rays of depth 1, shape ``(N, 3)``."""
+    step = max(1, int(np.sqrt(camera.width * camera.height / _MAX_POINTS)))
+    y, x = np.mgrid[step // 2 : camera.height : step, step // 2 : camera.width : step].reshape(2, -1)
+    return y, x, camera.depth_rays(np.stack([x, y], axis=-1) + 0.5)
