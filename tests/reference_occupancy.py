@@ -96,7 +96,7 @@ class DenseMap:
         z = p[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             x, y = camera.fx * p[..., 0] / z + camera.cx, camera.fy * p[..., 1] / z + camera.cy
-            seen = (z >= camera.near) & (z <= reach) & (z > 0)
+            seen = (z > 0) & (z <= reach)
             seen &= (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
             column, row = np.where(seen, x, 0).astype(int), np.where(seen, y, 0).astype(int)
             margin = self.cell / 2 * z / np.abs(sight).max(axis=-1)
@@ -106,7 +106,7 @@ class DenseMap:
             hit = seen & ~missed & ~hidden & ((low[row, column] > 0) | marks)
             border = np.minimum(np.abs(x - np.rint(x)), np.abs(y - np.rint(y))) < _NEAR_PIXEL_BORDER
             tie = np.minimum(np.abs(to_low), np.abs(to_high)) < _NEAR_TIE * np.maximum(1.0, z)
-            tie |= np.minimum(np.abs(z - camera.near), np.abs(z - reach)) < _NEAR_TIE
+            tie |= np.minimum(np.abs(z), np.abs(z - reach)) < _NEAR_TIE
         # The image of a voxel that is nearly on a border may be the next pixel, or outside.
         self.uncertain |= (border | tie) & (z > 0)
         odds = np.where(self.values > NOT_MEASURED, self.values, 0) + np.where(hit, self.hit, self.miss)

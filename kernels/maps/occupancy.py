@@ -244,12 +244,11 @@ def footprint_of(view: DepthView, center: wp.vec3) -> Footprint:
     camera, extent = view.camera, view.block_extent
     result.near_z = center[2] - extent[2]
     result.far_z = center[2] + extent[2]
-    if result.far_z < camera.near or result.near_z > view.reach or result.far_z <= 0.0:
+    if result.far_z <= 0.0 or result.near_z > view.reach:
         return result
     if is_beside(camera, center, extent, result.far_z):
         return result
-    # Points nearer than the camera's `near` do not matter, but z = 0 has no image.
-    near_z = wp.max(result.near_z, wp.max(camera.near, 1.0e-6 * result.far_z))
+    near_z = wp.max(result.near_z, 1.0e-6 * result.far_z)  # points at z = 0 have no image
     across = project_interval(center[0], extent[0], near_z, result.far_z)
     down = project_interval(center[1], extent[1], near_z, result.far_z)
     focal_length = wp.vec2(float(camera.fx), float(camera.fy))
@@ -262,7 +261,7 @@ def footprint_of(view: DepthView, center: wp.vec3) -> Footprint:
         result.high[0] >= 0.0 and result.high[1] >= 0.0 and result.low[0] < size[0] and result.low[1] < size[1]
     )
     in_image = result.low[0] >= 0.0 and result.low[1] >= 0.0 and result.high[0] < size[0] and result.high[1] < size[1]
-    result.is_whole = in_image and result.near_z >= camera.near and result.far_z <= view.reach
+    result.is_whole = in_image and result.near_z > 0.0 and result.far_z <= view.reach
     return result
 
 
@@ -464,7 +463,7 @@ def judge_voxel(
         contains_point: Whether the voxel contains the point of a pixel.
     """
     z = position[2]
-    if z < view.camera.near or z > view.reach or z <= 0.0:
+    if z > view.reach or z <= 0.0:
         return UNKNOWN
     x = float(view.camera.fx) * position[0] / z + float(view.camera.cx)
     y = float(view.camera.fy) * position[1] / z + float(view.camera.cy)

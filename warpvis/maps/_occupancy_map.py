@@ -175,8 +175,8 @@ class OccupancyMap:
         pixel's surface overlaps with it, free if it is in front of the interval, and hidden if it is behind. The
         interval is one standard deviation to either side of the measured depth, and includes the depth at the pixel's
         borders on a surface that continues there, such as a floor at a grazing angle. Voxels that contain the point
-        of any pixel are hit, too. The camera's `near`, its `far` and `max_range` limit the depth of all voxels that an
-        image changes.
+        of any pixel are hit, too. Space nearer than the camera's `near` is free in front of a measured surface; its
+        `far` and `max_range` limit the depth of all voxels that an image changes.
 
         Args:
             depth: Depth of each view [m], measured or rendered, as for `warpvis.point_visibility_from_depth`.

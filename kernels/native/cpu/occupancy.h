@@ -123,7 +123,7 @@ struct Judgment {
 
 // The depth image that updates blocks.
 struct BlockView {
-    float fx, fy, cx, cy, width, height, near, reach;
+    float fx, fy, cx, cy, width, height, reach;
     int row_length;
     const float* bounds;  // interval of each pixel
     short hit, miss, minimum, maximum;  // log-odds
@@ -149,7 +149,7 @@ struct BlockView {
     inline Judgment judge(const Points& position, const Points& sight, Ints marked) const {
         const Floats z = position.z, inverse_z = 1.0f / z;
         const Floats x = fx * position.x * inverse_z + cx, y = fy * position.y * inverse_z + cy;
-        Ints seen = (z >= near) & (z <= reach) & (z > 0.0f);
+        Ints seen = (z > 0.0f) & (z <= reach);
         seen &= (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
         if (!Lanes::any(seen)) return Judgment::of(seen, seen, seen);
         const Ints column = __builtin_convertvector(seen ? x : Lanes::all(0.0f), Ints);
