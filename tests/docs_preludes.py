@@ -131,6 +131,13 @@ def _worlds(folder):
     }
 
 
+def _real_cameras(folder):
+    scene, camera = _room(), wv.Camera.from_fov(640, 480, hfov=1.0, near=0.3, far=5.0)
+    depth = wv.render(scene, camera, wv.look_at((0, -1.0, 1.2), (2, 0.5, 0.3)), outputs="depth").depth.numpy()[0]
+    raw = np.where(np.isfinite(depth), depth * 1000, 0).astype(np.uint16)
+    return {"raw": raw, "K": camera.to_K(pixel_center=0.0)}
+
+
 def _visibility(folder):
     from support.recordings import write_tum
 

@@ -17,7 +17,7 @@ import warpvis as wv
 from warpvis.cli import main
 
 TUTORIALS = Path(__file__).parent.parent / "docs" / "tutorials"
-PAGES = ["mujoco_depth", "camera_placement", pytest.param("thousand_rooms", marks=pytest.mark.slow)]
+PAGES = ["mujoco_depth", "camera_placement", "recording", pytest.param("thousand_rooms", marks=pytest.mark.slow)]
 NOTEBOOKS = sorted(TUTORIALS.glob("*.ipynb"))
 NOTEBOOK = pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
 
