@@ -20,6 +20,7 @@ def data_cases(folder):
     mujoco.mj_forward(MODEL, data)
     seen = scene()
     path = folder / "out"
+    grid = wv.maps.OccupancyGrid(np.zeros((2, 3), dtype=np.int8), (0.0, 0.0), 0.05, "z")
     mujoco_scene = wv.mujoco.scene_from_mujoco(MODEL)
     cup = make_cup("DepthObservation")
     cup.reset(seed=0)
@@ -81,6 +82,7 @@ def data_cases(folder):
         "from_image_msg": (wv.io.from_image_msg, {"message": wv.io.to_image_msg(DEPTH, **MESSAGE)}),
         "to_image_msg": (wv.io.to_image_msg, {"depth": DEPTH, "encoding": "16UC1", **MESSAGE}),
         "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, **MESSAGE}),
+        "to_occupancy_grid": (wv.io.to_occupancy_grid, {"grid": grid, "height": 0.0, **MESSAGE}),
         "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
         "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),

@@ -259,11 +259,26 @@ def top_cases(folder):
         "OccupancyMap.decay": (occupancy.decay, {"factor": 0.5}),
         "OccupancyMap.states": (occupancy.states, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
         "OccupancyMap.probabilities": (occupancy.probabilities, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
-        "OccupancyMap.render_depth": (occupancy.render_depth, {**VIEW, "threads": 1}),
+        "OccupancyMap.render_depth": (
+            occupancy.render_depth,
+            {**VIEW, "camera": wv.Camera.from_fov(8, 6, hfov=1.0, near=0.1, far=3.0), "threads": 1},
+        ),
         "OccupancyMap.voxel_map": (
             occupancy.voxel_map,
             {"bounds": [(0, 0, 0), (1, 1, 1)], "ground_height": 0.0, "ground_tolerance": 0.03, "threads": 1},
         ),
+        "OccupancyMap.occupancy_grid": (
+            occupancy.occupancy_grid,
+            {
+                "bounds": [(0, 0), (1, 1)],
+                "ground_height": 0.0,
+                "min_height": 0.1,
+                "max_height": 1.0,
+                "max_unknown": 0.5,
+                "threads": 1,
+            },
+        ),
+        "OccupancyMap.mesh": (occupancy.mesh, {}),
         "OccupancyMap.save": (occupancy.save, {"path": path.with_suffix(".bt")}),
         "OccupancyMap.load": (
             wv.OccupancyMap.load,

@@ -33,15 +33,19 @@ KINDS = [
     "sensor_msgs/msg/LaserScan",
     "sensor_msgs/msg/PointField",
     "sensor_msgs/msg/PointCloud2",
+    "geometry_msgs/msg/Point",
+    "geometry_msgs/msg/Pose",
     "geometry_msgs/msg/Vector3",
     "geometry_msgs/msg/Quaternion",
     "geometry_msgs/msg/Transform",
     "geometry_msgs/msg/TransformStamped",
+    "nav_msgs/msg/MapMetaData",
+    "nav_msgs/msg/OccupancyGrid",
     "livox_ros_driver2/msg/CustomPoint",
     "livox_ros_driver2/msg/CustomMsg",
 ]
 
-_CODES = {"uint8": "B", "float32": "f", "float64": "d"}
+_CODES = {"int8": "b", "uint8": "B", "float32": "f", "float64": "d"}
 
 
 def install(monkeypatch):

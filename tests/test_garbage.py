@@ -69,6 +69,7 @@ RESULTS = {
     "MujocoScene",
     "Node",
     "ObjectVisibility",
+    "OccupancyGrid",
     "Perspective",
     "PlanVisibility",
     "Proposal",
@@ -196,7 +197,7 @@ NAMES = (
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Measured Occupancy Randomized Reference "
-    "Ortho gym open_ framing depth_ from_image to_image to_point find_ quanti range_ recog segm Li bpearl even "
+    "Ortho gym open_ framing depth_ from_image to_image to_point to_occ find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
     "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view MujocoStage "

@@ -21,6 +21,7 @@ from warpvis.io._depth import (
     read_depth,
     save_depth_png,
 )
+from warpvis.io._map_messages import to_occupancy_grid
 from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
 from warpvis.io._points import read_points, save_cloud, save_clouds
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
@@ -45,5 +46,6 @@ __all__ = [
     "to_image_msg",
     "to_laserscan",
     "to_livox_msg",
+    "to_occupancy_grid",
     "to_pointcloud2",
 ]

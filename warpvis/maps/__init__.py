@@ -17,6 +17,7 @@ from warpvis.maps._floor_map import (
     label_colors,
 )
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
+from warpvis.maps._occupancy_grid import OccupancyGrid
 from warpvis.maps._occupancy_map import OccupancyMap as OccupancyMap
 from warpvis.maps._scene_changes import SceneChange
 from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap
@@ -27,6 +28,7 @@ __all__ = [
     "Agreement",
     "DepthComparison",
     "FloorFit",
+    "OccupancyGrid",
     "PlanVisibility",
     "SceneChange",
     "Sphere",

@@ -44,7 +44,7 @@ _TO_XYZ = np.array([(0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193,
 _TO_XYZ /= _TO_XYZ.sum(axis=1, keepdims=True)
 
 # The floor's axes, in the order of a view from above: the first to the right, the second up.
-_FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
+FLOOR_AXES = {"z": (0, 1), "y": (2, 0)}
 
 _MAX_CELLS = 2**31 - 1
 
@@ -123,7 +123,7 @@ class FloorMap:
     @property
     def axes(self) -> tuple[str, str]:
         """Names of the map's axes."""
-        first, second = _FLOOR_AXES[self.up]
+        first, second = FLOOR_AXES[self.up]
         return "xyz"[first], "xyz"[second]
 
     def rgb(self) -> NDArray[np.uint8]:
@@ -178,11 +178,11 @@ def floor_map(
     labels = read_labels(labels, points.shape, device)
     names = LabelNames(label_names)
     ground = frozenset(names.numbers(ground_labels, "ground_labels"))
-    low, high = _check_bounds(bounds, up)
+    low, high = check_floor_bounds(bounds, up)
     columns, rows = count_cells(high - low, check_length(cell_size, "cell_size", zero=False))
 
     grid = kernels.Grid()
-    grid.first_axis, grid.second_axis = _FLOOR_AXES[up]
+    grid.first_axis, grid.second_axis = FLOOR_AXES[up]
     grid.up_axis = check_up(up)
     grid.origin, grid.cell = wp.vec2(*low), cell_size
     grid.level = check_length(level_tolerance, "level_tolerance", infinite=True)
@@ -212,11 +212,11 @@ def floor_map(
     return FloorMap(cells, extent, cell_size, up, names)
 
 
-def _check_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def check_floor_bounds(bounds: ArrayLike, up: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     check_up(up)
     corners = as_numpy(bounds, name="bounds").astype(np.float64)
     if corners.shape == (2, 3):
-        corners = corners[:, _FLOOR_AXES[up]]
+        corners = corners[:, FLOOR_AXES[up]]
     if corners.shape != (2, 2) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
         raise ArrayError(
             f"bounds must be the lower and upper corner of the map, shape (2, 2) or (2, 3), got {corners.tolist()}"

@@ -25,15 +25,19 @@ from warpvis.core.threads import launch_images, launch_points
 from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.maps._depth_sigma import Sigma
-from warpvis.maps._floor_map import count_cells
+from warpvis.maps._floor_map import FLOOR_AXES, check_floor_bounds, count_cells
 from warpvis.maps._known_blocks import read_blocks, write_blocks
 from warpvis.maps._occupancy_blocks import BlockStorage
 from warpvis.maps._occupancy_files import read_map, write_map
+from warpvis.maps._occupancy_grid import OccupancyGrid, project_columns
+from warpvis.maps._occupancy_mesh import surface_net
 from warpvis.maps._occupancy_views import Integrator
 from warpvis.maps._rectified import rectify
 from warpvis.maps._voxel_map import VoxelMap
 
 if TYPE_CHECKING:
+    import trimesh
+
     from warpvis.kernels.maps.occupancy import Blocks
     from warpvis.kernels.pinhole import Window
 
@@ -324,6 +328,66 @@ class OccupancyMap:
         )
         x, y, z = (first * self.cell_size).tolist()
         return VoxelMap(states, labels, (x, y, z), self.cell_size, self.up)
+
+    def occupancy_grid(
+        self,
+        bounds: ArrayLike | None = None,
+        *,
+        ground_height: float = 0.0,
+        min_height: float = 0.1,
+        max_height: float = 1.8,
+        max_unknown: float = 0.5,
+        threads: int | None = None,
+    ) -> OccupancyGrid:
+        """Return which places of the floor are free, as in ROS's ``nav_msgs/OccupancyGrid``.
+
+        A cell is the column of voxels whose centers are in a band of heights, for example those of a robot. It is
+        occupied if one of them is SURFACE, free if at most the share `max_unknown` of them was not measured and the
+        others are FREE, and unknown otherwise. Space below the band, such as a stair down, is ignored.
+
+        Args:
+            bounds: Lower and upper corner of the grid [m], shape ``(2, 2)`` on the floor's axes (x and y where z is up,
+                z and x where y is up), or ``(2, 3)`` in the world, extended to whole voxels; by default what is not
+                unknown.
+            ground_height: Height of the floor [m].
+            min_height: Lower end of the band above the floor [m].
+            max_height: Upper end of the band above the floor [m].
+            max_unknown: Maximum share of HIDDEN and UNKNOWN voxels in a free column, from 0 to 1. With 1, one free
+                voxel suffices.
+            threads: Number of CPU threads; all cores by default.
+        """
+        ground = check_length(ground_height, "ground_height", signed=True)
+        low, high = (
+            check_number(value, name) for value, name in ((min_height, "min_height"), (max_height, "max_height"))
+        )
+        share = check_number(max_unknown, "max_unknown", minimum=0.0, maximum=1.0)
+        first = math.ceil((ground + low) / self.cell_size - 0.5 - _ROUNDING)
+        end = math.floor((ground + high) / self.cell_size - 0.5 + _ROUNDING) + 1
+        if end <= first:
+            raise ArrayError(f"max_height must be at least a voxel above min_height, {low} m, got {high}")
+        box = self.bounds
+        if bounds is not None:
+            box[:, FLOOR_AXES[self.up]] = check_floor_bounds(bounds, self.up)
+        elif not box.any():
+            raise ArrayError("bounds must be given for a map without images")
+        box[:, check_up(self.up)] = first * self.cell_size, end * self.cell_size
+        band = self.voxel_map(box, threads=threads)
+        return project_columns(band, share, trim=bounds is None)
+
+    def mesh(self) -> trimesh.Trimesh:
+        """Return a mesh of the SURFACE voxels beside FREE ones, for `Scene.add`.
+
+        It is smooth (surface nets), within about a voxel of the measured surfaces, and open where nothing was measured
+        behind them. Things of one voxel in width are thinner.
+        """
+        import trimesh
+
+        def states_at(points: NDArray[np.float32]) -> NDArray[np.uint8]:
+            states: NDArray[np.uint8] = self.states(points).numpy()
+            return states
+
+        vertices, faces = surface_net(read_blocks(self._blocks), self.cell_size, states_at)
+        return trimesh.Trimesh(vertices, faces, process=False)
 
 
 def _with_window(inputs: KernelArguments, window: Window) -> KernelArguments:
