@@ -4,7 +4,7 @@
 
 import warp as wp
 
-from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, Blocks, DepthView, block_corner
+from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, TILE, Blocks, DepthView, block_corner
 from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import Window, locate
 
@@ -123,6 +123,9 @@ warpvis::BlockView depth = {.fx = (float)view.camera.fx,
                             .reach = view.reach,
                             .row_length = bounds_in.shape[2],
                             .bounds = (const float*)bounds_in.data,
+                            .tiles = (const float*)tiles_in.data,
+                            .tile_side = tile_side,
+                            .tiles_per_row = tiles_in.shape[2],
                             .hit = (short)view.hit,
                             .miss = (short)view.miss,
                             .minimum = (short)view.minimum,
@@ -149,6 +152,8 @@ def update_block(
     update: int,
     center: wp.vec3d,
     bounds_in: wp.array3d[wp.vec2],
+    tile_side: int,
+    tiles_in: wp.array3d[wp.vec3],
     marks_out: wp.array2d[wp.uint8],
     marked_slots_out: wp.array[wp.uint8],
 ) -> int: ...
@@ -162,6 +167,7 @@ def update_voxels(
     # In:
     listed_in: wp.array[wp.vec4i],
     bounds_in: wp.array3d[wp.vec2],
+    tiles_in: wp.array3d[wp.vec3],
     # Out:
     blocks_out: Blocks,
     marks_out: wp.array2d[wp.uint8],
@@ -177,4 +183,6 @@ def update_voxels(
     center = block_corner(view, blocks_out, block) + wp.vec3d(half, half, half)
     slot = blocks_out.slot[block[0], block[1], block[2]]
     update = listed_in[row][3]
-    summaries_out[row] = update_block(view, blocks_out, slot, update, center, bounds_in, marks_out, marked_slots_out)
+    summaries_out[row] = update_block(
+        view, blocks_out, slot, update, center, bounds_in, TILE, tiles_in, marks_out, marked_slots_out
+    )

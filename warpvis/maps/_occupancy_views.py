@@ -103,11 +103,9 @@ class Integrator:
         threads: int | None,
     ) -> wp.array:
         """Write the intervals that contain surfaces, update uniform blocks, and return which others need an update."""
-        from warpvis.kernels.maps import occupancy as kernels
-
         low, high = box
         shape = tuple((high - low).tolist())
-        tile_shape = (1, *(-(-side // kernels.TILE) for side in depth.shape[1:]))
+        tile_shape = self._tile_shape(depth)
         tiles = self._scratch_array("tiles", tile_shape, wp.vec3)
         updates = self._scratch_array("updates", shape, wp.uint8)
         self._run("bound_surface", depth.shape, [view, depth, bounds], threads, by_rows=True)
@@ -142,12 +140,19 @@ class Integrator:
         self._run("mark_points", depth.shape, [view, blocks, depth, *marks], threads, by_rows=True)
         inputs = [view, listed, bounds, blocks, *marks]
         if self.by_rows:
-            inputs, shape = [*inputs, summaries], (count, 1, 1)
+            tiles = self._scratch_array("tiles", self._tile_shape(depth), wp.vec3)
+            inputs, shape = [view, listed, bounds, tiles, blocks, *marks, summaries], (count, 1, 1)
             self._run("update_voxels", shape, inputs, threads, by_rows=True, min_pixels=_MIN_BLOCKS)
         else:
             self._run("update_voxels", (count, kernels.SIDE, kernels.SIDE), inputs, threads)
             launch(kernels.summarize_blocks, count, [blocks, listed, summaries], self._device)
         self._blocks.release(listed, summaries)
+
+    @staticmethod
+    def _tile_shape(depth: wp.array) -> tuple[int, ...]:
+        from warpvis.kernels.maps.occupancy import TILE
+
+        return (1, *(-(-side // TILE) for side in depth.shape[1:]))
 
     def _list_blocks(self, lower: wp.vec3i, updates: wp.array) -> tuple[wp.array, int]:
         """Return the blocks that need an update, and the number of those without a slot."""

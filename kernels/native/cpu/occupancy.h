@@ -9,6 +9,9 @@
 #include "cpu/depth_rows.h"
 
 constexpr int BLOCK_EDGE = VOXEL_BLOCK_SIDE, BLOCK_SIZE = VOXEL_BLOCK_SIZE;
+constexpr float HALF_DIAGONAL = 0.8661f;  // of a voxel, in voxels
+constexpr float MIN_DEPTH = 1e-3f;  // of blocks whose image is bounded [m]
+constexpr float MARGIN = 0.25f;  // around the image of a block [px], more than the rounding error
 constexpr int NEVER_SEEN = VOXEL_NEVER_SEEN, HIDDEN = VOXEL_HIDDEN;
 static_assert(BLOCK_SIZE == BLOCK_EDGE * BLOCK_EDGE * BLOCK_EDGE, "a block is a cube");
 static_assert(LANES == 2 * BLOCK_EDGE, "16 lanes are two rows of voxels along z");
@@ -121,11 +124,20 @@ struct Judgment {
     }
 };
 
+// States that the voxels of a box may have in an image, apart from those without information.
+struct PossibleStates {
+    bool free, surface, hidden;
+    bool all_inside;  // every voxel is in the image and in range
+    bool all_measured;  // and its pixel has a measurement
+};
+
 // The depth image that updates blocks.
 struct BlockView {
     float fx, fy, cx, cy, width, height, reach;
     int row_length;
     const float* bounds;  // interval of each pixel
+    const float* tiles;  // `SurfaceLimits` of tiles of pixels
+    int tile_side, tiles_per_row;  // [px], [tiles]
     short hit, miss, minimum, maximum;  // log-odds
     float cell;
     float step[3][3];  // change of the position in the camera frame per voxel along the world's axes [m]
@@ -144,14 +156,67 @@ struct BlockView {
         *low = __builtin_shufflevector(first, second, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
         *high = __builtin_shufflevector(first, second, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
     }
+    // Bound the states of a box of voxels by the tiles of its image. `first` is the center of its first voxel, `edges`
+    // lead to the last ones along the box's edges [m].
+    inline PossibleStates bound(const float* first, const float edges[3][3]) const {
+        PossibleStates any = {.free = true, .surface = true, .hidden = true};
+        const Ints corner = Lanes::index();
+        Floats place[3];
+        for (int k = 0; k < 3; ++k) {
+            place[k] = Lanes::all(first[k]);
+            for (int edge = 0; edge < 3; ++edge) place[k] += (corner & (1 << edge)) != 0 ? edges[edge][k] : 0.0f;
+        }
+        const float near_z = Lanes::min_of(place[2]), far_z = -Lanes::min_of(-place[2]);
+        if (!(near_z > MIN_DEPTH)) return any;
+        if (near_z > reach) return PossibleStates{};
+        const Floats inverse_z = 1.0f / place[2];
+        const Floats x = fx * place[0] * inverse_z + cx, y = fy * place[1] * inverse_z + cy;
+        const float low_x = Lanes::min_of(x) - MARGIN, high_x = MARGIN - Lanes::min_of(-x);
+        const float low_y = Lanes::min_of(y) - MARGIN, high_y = MARGIN - Lanes::min_of(-y);
+        if (!(high_x >= 0.0f && high_y >= 0.0f && low_x < width && low_y < height)) return PossibleStates{};
+        const int first_column = low_x > 0.0f ? (int)low_x / tile_side : 0,
+                  first_row = low_y > 0.0f ? (int)low_y / tile_side : 0;
+        const int last_column = (int)(high_x < width - 1.0f ? high_x : width - 1.0f) / tile_side;
+        const int last_row = (int)(high_y < height - 1.0f ? high_y : height - 1.0f) / tile_side;
+        float low = __builtin_inff(), high = 0.0f, gaps = 0.0f;
+        for (int row = first_row; row <= last_row; ++row)
+            for (int column = first_column; column <= last_column; ++column) {
+                const float* tile = tiles + 3 * (row * tiles_per_row + column);
+                low = tile[0] < low ? tile[0] : low;
+                high = tile[1] > high ? tile[1] : high;
+                gaps = tile[2] > gaps ? tile[2] : gaps;
+            }
+        if (high == 0.0f) return PossibleStates{};  // no pixel has a measurement
+        const float margin = HALF_DIAGONAL * cell + 1e-5f * far_z;
+        const bool in_image = low_x >= 0.0f && low_y >= 0.0f && high_x < width && high_y < height;
+        any.all_inside = in_image && far_z < reach;
+        any.all_measured = any.all_inside && gaps == 0.0f;
+        PossibleStates one = {.all_inside = any.all_inside, .all_measured = any.all_measured};
+        one.free = far_z < low - margin;
+        one.hidden = near_z > high + margin;
+        if (one.free || one.hidden) return one;
+        return any;
+    }
+    // Return whether 16 voxels may change if their states are those of a bound.
+    inline bool may_change(Shorts values, const PossibleStates& states) const {
+        if (states.surface) return true;
+        Shorts changed = (Shorts)(0);
+        if (states.free) changed |= values != minimum;
+        if (states.hidden) changed |= values == (short)NEVER_SEEN;
+        return Lanes::any(__builtin_convertvector(changed, Ints));
+    }
     // Judge voxels by the centers' positions in the camera frame, and along the world's axes [m]; `marked` ones contain
-    // the point of a pixel.
+    // the point of a pixel. If INSIDE, all are in the image and in range.
+    template <bool INSIDE>
     inline Judgment judge(const Points& position, const Points& sight, Ints marked) const {
         const Floats z = position.z, inverse_z = 1.0f / z;
         const Floats x = fx * position.x * inverse_z + cx, y = fy * position.y * inverse_z + cy;
-        Ints seen = (z > 0.0f) & (z <= reach);
-        seen &= (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
-        if (!Lanes::any(seen)) return Judgment::of(seen, seen, seen);
+        Ints seen = Lanes::all_ints(-1);
+        if (!INSIDE) {
+            seen = (z > 0.0f) & (z <= reach);
+            seen &= (x >= 0.0f) & (x < width) & (y >= 0.0f) & (y < height);
+            if (!Lanes::any(seen)) return Judgment::of(seen, seen, seen);
+        }
         const Ints column = __builtin_convertvector(seen ? x : Lanes::all(0.0f), Ints);
         const Ints row = __builtin_convertvector(seen ? y : Lanes::all(0.0f), Ints);
         Floats low, high;
@@ -197,6 +262,9 @@ struct VoxelBlock {
     inline void update(const BlockView& view, int offset, const Judgment& judged, Summary* summary) const {
         const Shorts value = view.updated(load(offset), judged);
         __builtin_memcpy(values + offset, &value, sizeof value);
+        summarize(offset, value, summary);
+    }
+    static inline void summarize(int offset, Shorts value, Summary* summary) {
         if (offset == 0) summary->first = value[0];
         summary->add(value);
     }
@@ -208,25 +276,48 @@ struct VoxelBlock {
         for (int offset = 0; offset < BLOCK_SIZE; offset += LANES) update(view, offset, judged, &summary);
         return summary;
     }
+    // Bound the states of all voxels; where a voxel contains a point, all are possible.
+    inline PossibleStates bound(const BlockView& view, const float* position) const {
+        float edges[3][3];
+        for (int edge = 0; edge < 3; ++edge)
+            for (int k = 0; k < 3; ++k) edges[edge][k] = (BLOCK_EDGE - 1) * view.step[edge][k];
+        PossibleStates states = view.bound(position, edges);
+        if (marks) states.free = states.surface = states.hidden = true;
+        return states;
+    }
     // Update each voxel by its pixel, and clear its mark. `sight` is the center of the first voxel from the camera,
     // along the world's axes, and `position` in the camera frame [m].
     inline Summary update(const BlockView& view, const float* sight, const float* position) const {
+        const PossibleStates states = bound(view, position);
+        if (states.all_measured && !states.surface) return update(view, states.free);
+        const Summary summary = states.all_inside ? update<true>(view, states, sight, position)
+                                                  : update<false>(view, states, sight, position);
+        if (marks) __builtin_memset(marks, 0, BLOCK_SIZE);
+        return summary;
+    }
+    template <bool INSIDE>
+    inline Summary update(const BlockView& view, const PossibleStates& states, const float* sight,
+                          const float* position) const {
         const Floats y = __builtin_convertvector(Lanes::index() / BLOCK_EDGE, Floats);
         const Floats z = __builtin_convertvector(Lanes::index() % BLOCK_EDGE, Floats);
         Floats first[3];  // positions of the first two rows
         for (int k = 0; k < 3; ++k) first[k] = position[k] + y * view.step[1][k] + z * view.step[2][k];
         Summary summary = {};
         for (int offset = 0; offset < BLOCK_SIZE; offset += LANES) {
+            const Shorts old = load(offset);
+            if (!view.may_change(old, states)) {
+                summarize(offset, old, &summary);
+                continue;
+            }
             const float i = offset / (BLOCK_EDGE * BLOCK_EDGE), j = offset / BLOCK_EDGE % BLOCK_EDGE;
             Floats place[3];
             for (int k = 0; k < 3; ++k) place[k] = first[k] + (i * view.step[0][k] + j * view.step[1][k]);
             const Points along = {Lanes::all(sight[0] + i * view.cell), y * view.cell + (sight[1] + j * view.cell),
                                   z * view.cell + sight[2]};
             const Ints marked = marks ? PixelLanes::load(marks + offset, LANES) != 0 : Lanes::all_ints(0);
-            const Judgment judged = view.judge(Points{place[0], place[1], place[2]}, along, marked);
+            const Judgment judged = view.judge<INSIDE>(Points{place[0], place[1], place[2]}, along, marked);
             update(view, offset, judged, &summary);
         }
-        if (marks) __builtin_memset(marks, 0, BLOCK_SIZE);
         return summary;
     }
 };
