@@ -20,6 +20,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import bench_occupancy
 import gpu_all
 import lidar_worlds
 import mujoco
@@ -50,6 +51,7 @@ _SHARED = (
     *("sensor room Azure Kinect", "sensor room Nguyen's noise", "sensor room simkinect", "sensor room corruptions"),
     *("points room the other eye", "point_visibility room 1,000,000", "images room color", "images room albedo"),
     *("images room back_project", "images room floor_map", "images room voxel_map", "images room object_visibility"),
+    "images room occupancy_map",
 )
 """Workloads shared with gpu_all.py."""
 
@@ -120,6 +122,13 @@ def _lidar() -> Contest:
     return Contest(call, {"mj_multiRay": [other]}, CoreTimer(), same)
 
 
+def _integrate(title: str, prepare: Callable[..., Callable[[], Any]], images: int) -> Contest:
+    """Set up a map of noisy images of a room, and another library's map of the same images as its peer."""
+    frames, cell, reach = bench_occupancy.room_frames(images).halved(), 0.02, 3.5
+    ours, peer = partial(bench_occupancy.map_by_warpvis, frames, cell, reach), prepare(frames, cell, reach)
+    return Contest(ours, {title: [peer]}, CoreTimer())
+
+
 def _peer(title: str, prepare: Callable[[peers.Work], peers.Prepared], size: tuple[int, int], views: int) -> Contest:
     """Set up depth of the room, and another library as its peer."""
     preset = wv.scenes.PRESETS["room"]
@@ -152,6 +161,8 @@ def _workloads() -> Iterator[Workload]:
     yield Workload("classify NumPy", _classify)
     yield Workload("labels of 30 VGA images NumPy", _label_floor)
     yield Workload("lidar mj_multiRay", _lidar)
+    yield Workload("occupancy map Open3D", partial(_integrate, "Open3D", bench_occupancy.open3d, 16))
+    yield Workload("occupancy map OctoMap", partial(_integrate, "OctoMap", bench_occupancy.octomap, 2))
     for title, prepare in (("Open3D", peers.open3d), ("embreex", peers.embreex), ("Mitsuba", peers.mitsuba)):
         yield Workload(f"room-320 {title}", partial(_peer, title, prepare, (320, 240), _VIEWS))
         yield Workload(f"small-room-1 {title}", partial(_peer, title, prepare, (64, 64), 1))

@@ -69,6 +69,11 @@ class Images:
         voxels = wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds)
         return lambda: wv.voxel_map(self.views.depth, self.camera, self.poses, bounds=bounds, out=voxels)
 
+    def occupancy_map(self) -> Run:
+        """Return the call that integrates depth into an occupancy map that contains it already."""
+        occupancy = wv.OccupancyMap(0.02, device=self.scene.device)
+        return lambda: occupancy.integrate(self.views.depth, self.camera, self.poses, sigma=0.01)
+
     def object_visibility(self) -> Run:
         """Return the call that counts the pixels of objects."""
         return partial(wv.object_visibility, self.scene, self.camera, self.poses, objects=things(self.scene))
@@ -87,6 +92,7 @@ MADE: dict[str, Callable[[Images], Run]] = {
     "classify": Images.classify,
     "floor_map": Images.floor_map,
     "voxel_map": Images.voxel_map,
+    "occupancy_map": Images.occupancy_map,
     "object_visibility": Images.object_visibility,
     "best_views": Images.best_views,
 }
