@@ -132,7 +132,7 @@ def find_truth(scene: wv.Scene, camera: wv.Camera, cell: float, frames: int) -> 
         z = places_in_camera[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = fine.project(places_in_camera)
-        inside = (z >= camera.near) & (z <= REACH) & (pixels >= 0).all(axis=1)
+        inside = (z > 0) & (z <= REACH) & (pixels >= 0).all(axis=1)
         inside &= (pixels[:, 0] < fine.width) & (pixels[:, 1] < fine.height)
         column, row = pixels[inside].astype(int).T
         states[unsettled[inside]] = np.where(z[inside] < depth[row, column], Voxel.FREE, Voxel.HIDDEN)
