@@ -313,6 +313,10 @@ def top_cases(folder):
             COMPARED.changes,
             {"objects": ["box"], "min_pixels": 2, "gap": 0.1, "min_displacement": 0.02, "max_displacement": 1.0},
         ),
+        "compare_depth with a map": (
+            wv.compare_depth,
+            {"scene": occupancy, **VIEW, "depth": DEPTH, "sigma": 0.01, "tolerance": 0.1},
+        ),
         "compare_depth": (
             wv.compare_depth,
             {

@@ -28,18 +28,22 @@ def compare_depth(
     """Return labels of one view, residuals, and the distance of depth to the nearest limit [m]."""
     expected, depth = expected.astype(np.float64), depth.astype(np.float64)
     size = 2 * edge + 1
-    nearest = ndimage.minimum_filter(expected, size, mode="nearest")
-    farthest = ndimage.maximum_filter(expected, size, mode="nearest")
+    unknown = np.isnan(expected)
+    nearest = ndimage.minimum_filter(np.where(unknown, np.inf, expected), size, mode="nearest")
+    farthest = ndimage.maximum_filter(np.where(unknown, 0.0, expected), size, mode="nearest")
     with np.errstate(invalid="ignore"):
         measured = np.isfinite(depth) & (depth > 0) & (depth >= camera.near) & (depth <= camera.far)
         below = depth - (nearest - tolerance - threshold * sigma(nearest))
         above = np.where(np.isinf(farthest), np.inf, farthest + tolerance + threshold * sigma(farthest) - depth)
-        own = np.where(np.isinf(expected), -np.inf, tolerance + threshold * sigma(expected) - np.abs(depth - expected))
+        own = np.where(
+            ~np.isfinite(expected), -np.inf, tolerance + threshold * sigma(expected) - np.abs(depth - expected)
+        )
         labels = np.select(
             [~measured, own >= 0, np.isinf(nearest), below < 0, above < 0],
             [Agreement.NO_MEASUREMENT, Agreement.AGREES, empty, Agreement.NEARER, Agreement.FARTHER],
             Agreement.AGREES,
         )
         residual = np.where(measured & np.isfinite(expected), (depth - expected) / sigma(expected), np.nan)
+        labels = np.where(unknown & (labels > Agreement.AGREES), Agreement.NO_SURFACE, labels)
         margin = np.fmin(np.abs(np.fmin(below, above)), np.abs(own))
     return labels.astype(np.uint8), residual, margin

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import reference_comparison
 import trimesh
+import warp as wp
 from reference_comparison import Agreement
 
 import warpvis as wv
@@ -289,3 +290,23 @@ def test_wrong_objects_raise():
         found.changes(objects=[8])
     with pytest.raises(wv.errors.ArrayError, match="min_pixels must be a whole number from 1 up"):
         found.changes(min_pixels=0)
+
+
+def test_map_instead_of_a_scene(device):
+    """A map of exact depth, and a box that appears in free space; depth behind unknown space is not expected."""
+    space = wv.OccupancyMap(0.03, device=device)
+    space.integrate(wp.array(measure(room()), dtype=wp.float32, device=device), CAMERA, POSES, sigma=0)
+    size, center = (0.2, 0.2, 0.4), (1.9, 0.15, 1.0)
+    depth = measure(room(added=[(size, center)]), MODELS["khoshelham"])
+    given = {"sigma": MODELS["khoshelham"], "edge": 2}
+    found = wv.compare_depth(space, CAMERA, POSES, depth, **given)
+    assert found.fractions[:, Agreement.AGREES].min() > 0.6
+    appeared = [change for change in found.changes(min_pixels=150) if change.kind == "appeared"]
+    assert (np.abs(np.subtract(appeared[0].position, center)) < np.array(size) / 2 + 0.04).all()
+    before = wv.compare_depth(space, CAMERA, POSES, measure(room(), MODELS["khoshelham"], frame=1), **given)
+    assert before.changes(min_pixels=150) == []
+    away = wv.look_at((0, 0, 1.5), (0, 2, 1.5))
+    unknown = wv.compare_depth(space, CAMERA, away, measure(room(), poses=away), sigma=0.01)
+    assert unknown.fractions[0, Agreement.NO_SURFACE] > 0.9
+    with pytest.raises(wv.errors.ArrayError, match="object_poses, world_index and exclude must be None for a map"):
+        wv.compare_depth(space, CAMERA, POSES, depth, exclude=["table"], **given)

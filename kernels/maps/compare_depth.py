@@ -56,6 +56,8 @@ def compare_pixel(
     criteria: Criteria,
     sigmas: wp.array[float],
     expected_in: wp.array3d[float],
+    nearest_in: wp.array3d[float],
+    farthest_in: wp.array3d[float],
     depth_in: wp.array3d[float],
     labels_out: wp.array3d[wp.uint8],
     residual_out: wp.array3d[float],
@@ -78,15 +80,22 @@ def compare_pixel(
     farthest = float(0.0)
     for row in range(wp.max(y - criteria.edge, 0), wp.min(y + criteria.edge + 1, expected_in.shape[1])):
         for column in range(wp.max(x - criteria.edge, 0), wp.min(x + criteria.edge + 1, expected_in.shape[2])):
-            nearest = wp.min(nearest, expected_in[view, row, column])
-            farthest = wp.max(farthest, expected_in[view, row, column])
+            beside = expected_in[view, row, column]
+            if not wp.isnan(beside):
+                if nearest_in:
+                    nearest = wp.min(nearest, nearest_in[view, row, column])
+                    farthest = wp.max(farthest, farthest_in[view, row, column])
+                else:
+                    nearest, farthest = wp.min(nearest, beside), wp.max(farthest, beside)
     label = AGREES
     if nearest == wp.inf:
-        label = criteria.empty
+        label = wp.where(wp.isnan(expected), NO_SURFACE, criteria.empty)
     elif nearest - depth > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, nearest):
         label = NEARER
     elif depth - farthest > criteria.tolerance + criteria.threshold * sigma_at(criteria, sigmas, farthest):
         label = FARTHER
+    if label != AGREES and wp.isnan(expected):
+        label = NO_SURFACE
     labels_out[view, y, x] = label
 
 
@@ -98,14 +107,21 @@ def compare_depth(
     criteria: Criteria,
     sigmas: wp.array[float],
     expected_in: wp.array3d[float],
+    nearest_in: wp.array3d[float],
+    farthest_in: wp.array3d[float],
     depth_in: wp.array3d[float],
     # Out:
     labels_out: wp.array3d[wp.uint8],
     residual_out: wp.array3d[float],
 ):
-    """Label pixels by measured depth against the range of expected depth around them, and write residuals."""
+    """Label pixels by measured depth against the range of expected depth around them, and write residuals.
+
+    `nearest_in` and `farthest_in` are depths between which the surfaces of a map are, None for those of a scene.
+    """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
     first = x * criteria.span
     for column in range(first, wp.min(first + criteria.span, expected_in.shape[2])):
-        compare_pixel(view, y, column, criteria, sigmas, expected_in, depth_in, labels_out, residual_out)
+        compare_pixel(
+            view, y, column, criteria, sigmas, expected_in, nearest_in, farthest_in, depth_in, labels_out, residual_out
+        )

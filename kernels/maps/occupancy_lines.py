@@ -36,6 +36,8 @@ class Line:
 
     surface: float  # distance of the first surface that blocks it from the eye [m], inf without one
     first_surface: float  # distance of the first surface, which may be that of the target [m]; see `surface_in_run`
+    nearest: float  # distances between which that surface is [m]
+    farthest: float
     first_unknown: float  # distance of the first space that was not measured [m]
     unknown: float  # length that was not measured, up to the surface [m]
     unknown_share: float  # of the examined length
@@ -201,6 +203,8 @@ def trace_line(blocks: Blocks, eye: wp.vec3d, target: wp.vec3d, limits: LineLimi
         unknown += last - inside[1]
     if wp.isfinite(run):
         line.first_surface = float(surface_in_run(blocks, run, reached))
+        line.nearest = float(run)
+        line.farthest = float(reached)
     line.unknown = float(unknown)
     line.unknown_share = float(unknown / (last - first))
     return line
@@ -288,8 +292,13 @@ def render_map(
     blocks: Blocks,
     # Out:
     depth_out: wp.array3d[float],
+    nearest_out: wp.array3d[float],
+    farthest_out: wp.array3d[float],
 ):
-    """Write the depth of the first surface of the map; NaN if space that was not measured is in front of it."""
+    """Write the depth of the first surface of the map; NaN if space that was not measured is in front of it.
+
+    The surface is between `nearest_out` and `farthest_out`, unless they are None.
+    """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
@@ -300,12 +309,16 @@ def render_map(
     limits = LineLimits()
     limits.eye_clearance = camera.near * per_depth
     line = trace_line(blocks, eye, eye + wp.float64(camera.far) * direction, limits)
-    depth = float(wp.inf)
+    depth = wp.vec3(wp.inf, wp.inf, wp.inf)
     if line.first_unknown < line.first_surface:
-        depth = wp.nan
+        depth = wp.vec3(wp.nan, wp.nan, wp.nan)
     elif wp.isfinite(line.first_surface):
-        depth = line.first_surface / per_depth
-    depth_out[view, y, x] = depth
+        depth = wp.vec3(line.first_surface, line.nearest, line.farthest) / per_depth
+    depth_out[view, y, x] = depth[0]
+    if nearest_out:
+        nearest_out[view, y, x] = depth[1]
+    if farthest_out:
+        farthest_out[view, y, x] = depth[2]
 
 
 @wp.kernel

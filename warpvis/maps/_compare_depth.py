@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import warp as wp
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
+from warpvis.cameras.pinhole import require_camera
 from warpvis.cameras.pose_meaning import refuse_other_meaning
 from warpvis.core.arrays import check_length, empty_images
 from warpvis.core.checks import check_flag, check_number, check_whole, format_percent
@@ -35,6 +36,7 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
 from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
+from warpvis.maps._occupancy_map import OccupancyMap, render_surface
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene, require_scene
@@ -62,7 +64,24 @@ class Agreement(enum.IntEnum):
     FARTHER = constants.DEPTH_FARTHER
     """A surface behind the expected one was measured: something is gone."""
     NO_SURFACE = constants.DEPTH_NO_SURFACE
-    """A surface was measured where the scene has none: something new, or a part of the world that the scene lacks."""
+    """A surface was measured where the scene has none, or where the map is unknown: something new, or a part of the
+    world that the scene or the map lacks."""
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Expected images, ``(V, H, W)``."""
+
+    depth: wp.array
+    """Depth [m]."""
+    objects: wp.array
+    """Indices of objects, -1 for none."""
+    interval: tuple[wp.array | None, wp.array | None] = (None, None)
+    """Depths between which the surfaces of a map are [m]."""
+
+
+_Expect: TypeAlias = Callable[[wp.array, slice | NDArray[np.integer], Sequence[int]], Expected]
+"""Returns the images expected at poses, for some of the views, without some objects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +91,7 @@ class DepthComparison:
     labels: wp.array
     """`Agreement` of every pixel, uint8."""
     expected: wp.array
-    """Depth of the scene's first surface [m], float32; +inf without one."""
+    """Depth of the scene's first surface [m], float32; +inf without one, NaN if a map does not know it."""
     segmentation: wp.array
     """Index of the object of that surface, -1 without one, int32."""
     residual: wp.array
@@ -134,14 +153,14 @@ class DepthComparison:
 
 
 def compare_depth(
-    scene: Scene,
+    scene: Scene | OccupancyMap,
     camera: ImageCamera,
     camera_to_world: PoseLike,
     depth: ArrayInput,
     *,
     sigma: Sigma,
     threshold: float = 4.0,
-    tolerance: float = 0.0,
+    tolerance: float | None = None,
     edge: int = 1,
     complete: bool = False,
     object_poses: ObjectPoses = None,
@@ -151,7 +170,7 @@ def compare_depth(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> DepthComparison:
-    """Compare measured depth images with those that a scene predicts.
+    """Compare measured depth images with those that a scene or a map predicts.
 
     A pixel agrees if its depth differs by at most ``tolerance + threshold * sigma`` from the expected one, or from a
     depth between the nearest and the farthest expected one in a window around it. The window makes edges insensitive to
@@ -160,7 +179,9 @@ def compare_depth(
     0.00006 for 4.
 
     Args:
-        scene: The expected scene.
+        scene: The expected scene. Or an `OccupancyMap`, with a pinhole camera that has a finite `far`: then depth in
+            space that the map knows to be free is `Agreement.NEARER`, depth behind unknown space is
+            `Agreement.NO_SURFACE`, and there are no objects.
         camera: The camera of the images: a pinhole, or a `warpvis.cameras.LensCamera`.
         camera_to_world: Poses of the camera, shape ``(V, 7)`` or ``(V, 4, 4)``.
         depth: Measured depth as defined by the camera [m], shape ``(V, H, W)`` float32, or ``(H, W)`` for one view.
@@ -170,7 +191,8 @@ def compare_depth(
             `DepthSensor.depth_sigma`, or a function that takes depths [m], an array, and returns standard deviations
             [m] of its shape.
         threshold: Number of standard deviations up to which depths agree.
-        tolerance: Difference up to which depths agree in addition [m], for errors of the scene.
+        tolerance: Difference up to which depths agree in addition [m], for errors of the scene; by default 0 for a
+            scene, and the size of a voxel for a map.
         edge: Half the side of the window of expected depths, without its center [px], from 0 to 32.
         complete: Whether space is known to be free where the scene has no surface: then depth there is
             `Agreement.NEARER` instead of `Agreement.NO_SURFACE`.
@@ -184,50 +206,47 @@ def compare_depth(
     Returns:
         The comparison; `DepthComparison.changes` returns its objects.
     """
-    require_scene(scene)
-    scene.require_objects()
-    images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, scene.device)
+    is_map = isinstance(scene, OccupancyMap)
+    if not isinstance(scene, OccupancyMap):
+        require_scene(scene).require_objects()
+    elif any(value is not None for value in (object_poses, world_index, exclude)):
+        raise ArrayError("object_poses, world_index and exclude must be None for a map, which has no objects")
+    device, threads = scene.device, check_threads(threads)
+    images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, device)
     count = len(images)
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    worlds = parse_worlds(scene, count, object_poses, world_index, exclude)
-    criteria = _criteria(camera, threshold, tolerance, edge, complete)
-    sigmas = wp.array(tabulate_sigma(sigma, camera), dtype=wp.float32, device=scene.device)
-    eye = replace(camera, near=0.0, far=math.inf)
-    renderer = Renderer(scene, eye, outputs=("depth", "segmentation"), threads=check_threads(threads))
-    if scene.device.is_cpu and quaternion == "xyzw":
+    if tolerance is None:
+        tolerance = scene.cell_size if isinstance(scene, OccupancyMap) else 0.0
+    criteria = _criteria(camera, threshold, tolerance, edge, is_map or check_flag(complete, "complete"))
+    sigmas = wp.array(tabulate_sigma(sigma, camera), dtype=wp.float32, device=device)
+    if isinstance(scene, OccupancyMap):
+        expect = _map_images(scene, camera, threads)
+    else:
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+        expect = _scene_images(scene, camera, count, object_poses, world_index, exclude, threads)
+    if device.is_cpu and quaternion == "xyzw":
         warn_of_order(camera_to_world, convention)
 
     def compare(without: Sequence[int]) -> dict[str, wp.array]:
-        """Compare the images with the scene without some objects."""
-        shown = worlds
-        if without:
-            flags = np.zeros((count, len(scene)), dtype=np.uint8)
-            if worlds.excluded is not None and worlds.excluded.size:
-                flags |= worlds.excluded.numpy()
-            flags[:, list(without)] = 1
-            shown = parse_worlds(scene, count, object_poses, world_index, flags)
-        views = renderer.render_parsed(poses, shown)
-        assert views.depth is not None and views.segmentation is not None  # for type checkers: they were requested
-        return {"expected": views.depth, "segmentation": views.segmentation} | _compare_images(
-            views.depth, images, criteria, sigmas, renderer.threads
-        )
+        """Compare the images with what is expected without some objects."""
+        expected = expect(poses, slice(None), without)
+        labels = _compare_images(expected, images, criteria, sigmas, threads)
+        return {"expected": expected.depth, "segmentation": expected.objects} | labels
 
     result = compare(())
-    if scene.device.is_cpu and count:
+    if device.is_cpu and count:
         chosen = np.unique(np.linspace(0, count - 1, min(count, _CHECKED_VIEWS)).astype(int))
-        part = part_of(worlds, chosen)
 
         def agreement(matrices: NDArray[np.float64]) -> float:
             rows = poses_to_opencv(matrices).astype(np.float32)
-            seen = renderer.render_parsed(wp.array(rows, dtype=wp.transform, device=scene.device), part).depth
-            assert seen is not None  # for type checkers
+            expected = expect(wp.array(rows, dtype=wp.transform, device=device), chosen, ()).depth.numpy()
             measured = result["labels"].numpy()[chosen] != Agreement.NO_MEASUREMENT
-            found, expected = images.numpy()[chosen][measured], seen.numpy()[measured]
-            return float((np.abs(found - expected) < _CONSTANT + _BY_DEPTH * found).mean()) if measured.any() else 1.0
+            found = images.numpy()[chosen][measured]
+            error = np.abs(found - expected[measured])
+            return float((error < _CONSTANT + _BY_DEPTH * found).mean()) if measured.any() else 1.0
 
         matrices = poses_to_matrices(poses.numpy().reshape(-1, 7)[chosen])
         agreed = refuse_other_meaning(matrices, agreement, check_convention(convention), "the scene", world=True)
-        if agreed < _LOW_AGREEMENT:
+        if agreed < _LOW_AGREEMENT and not is_map:  # a map may not contain what the camera sees
             warn_user(
                 f"only {format_percent(agreed)} of the pixels agree with the scene: check its units, the poses and the "
                 "camera, that no camera is inside of an object, and that depth is not disparity",
@@ -239,23 +258,66 @@ def compare_depth(
         arrays = compare(without) if without else result
         host = {name: arrays[name].numpy() for name in ("labels", "expected", "segmentation")}
         matrices = poses_to_matrices(poses.numpy().reshape(-1, 7))
-        return Evidence(scene, camera, matrices, images.numpy(), **host)
+        objects = Scene(device="cpu") if isinstance(scene, OccupancyMap) else scene
+        return Evidence(objects, camera, matrices, images.numpy(), **host)
 
     return DepthComparison(**result, _evidence=evidence)
 
 
+def _scene_images(
+    scene: Scene,
+    camera: ImageCamera,
+    views: int,
+    object_poses: ObjectPoses,
+    world_index: ArrayInput | None,
+    exclude: Excluded,
+    threads: int,
+) -> _Expect:
+    """Return the function that renders the depth and the objects of a scene."""
+    worlds = parse_worlds(scene, views, object_poses, world_index, exclude)
+    eye = replace(camera, near=0.0, far=math.inf)
+    renderer = Renderer(scene, eye, outputs=("depth", "segmentation"), threads=threads)
+
+    def expect(poses: wp.array, chosen: slice | NDArray[np.integer], without: Sequence[int]) -> Expected:
+        shown = worlds
+        if without:
+            flags = np.zeros((views, len(scene)), dtype=np.uint8)
+            if worlds.excluded is not None and worlds.excluded.size:
+                flags |= worlds.excluded.numpy()
+            flags[:, list(without)] = 1
+            shown = parse_worlds(scene, views, object_poses, world_index, flags)
+        images = renderer.render_parsed(poses, shown if isinstance(chosen, slice) else part_of(shown, chosen))
+        assert images.depth is not None and images.segmentation is not None  # for type checkers: they were requested
+        return Expected(images.depth, images.segmentation)
+
+    return expect
+
+
+def _map_images(space: OccupancyMap, camera: ImageCamera, threads: int) -> _Expect:
+    """Return the function that renders the depth of a map, which has no objects."""
+    pinhole = require_camera(camera)
+
+    def expect(poses: wp.array, chosen: slice | NDArray[np.integer], without: Sequence[int]) -> Expected:
+        depth, nearest, farthest = render_surface(space, pinhole, poses, 3, threads)
+        objects = wp.full(depth.shape, -1, dtype=wp.int32, device=depth.device)
+        return Expected(depth, objects, (nearest, farthest))
+
+    return expect
+
+
 def _compare_images(
-    expected: wp.array, depth: wp.array, criteria: Any, sigmas: wp.array, threads: int
+    expected: Expected, depth: wp.array, criteria: Any, sigmas: wp.array, threads: int
 ) -> dict[str, wp.array]:
     """Return labels and residuals of measured depth, given expected depth in the convention of REP 117."""
     from warpvis.kernels.maps.compare_depth import compare_depth as kernel
 
     results = empty_images(depth.shape, {"labels": wp.uint8, "residual": wp.float32}, depth.device)
     criteria.span = WHOLE_ROW if depth.device.is_cpu else 1
+    inputs = [criteria, sigmas, expected.depth, *expected.interval, depth, *results.values()]
     launch_images(
         kernel,
         depth.shape,
-        lambda window: [window, criteria, sigmas, expected, depth, *results.values()],
+        lambda window: [window, *inputs],
         device=depth.device,
         threads=threads,
         span=criteria.span,
@@ -263,7 +325,7 @@ def _compare_images(
     return results
 
 
-def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: object, complete: object) -> Any:
+def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: object, complete: bool) -> Any:
     """Return checked criteria as a struct for the kernel."""
     from warpvis.kernels.maps.compare_depth import Criteria
 
@@ -274,7 +336,7 @@ def _criteria(camera: ImageCamera, threshold: object, tolerance: object, edge: o
     criteria.edge = check_whole(edge, "edge", minimum=0)
     if criteria.edge > _MAX_EDGE:
         raise ArrayError(f"edge must be from 0 to {_MAX_EDGE} px, got {edge!r}")
-    empty = Agreement.NEARER if check_flag(complete, "complete") else Agreement.NO_SURFACE
+    empty = Agreement.NEARER if complete else Agreement.NO_SURFACE
     criteria.empty = int(empty)
     criteria.first_bits, criteria.step_bits = int(KNOTS[:1].astype(np.float32).view(np.int32)[0]), KNOT_STEP
     return criteria

@@ -273,23 +273,9 @@ class OccupancyMap:
         Raises:
             CameraError: If the camera is not a pinhole, or its `far` is infinite.
         """
-        from warpvis.kernels.maps import occupancy_lines
-
-        lens = require_camera(camera, "camera").device_struct()
-        if math.isinf(camera.far):
-            raise CameraError("far of the camera must be finite to render a map, got inf")
         rows = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         poses = parse_poses(rows, convention=convention, device=self.device)
-        depth = empty((len(poses), camera.height, camera.width), wp.float32, name="depth", device=self.device)
-        inputs = [self.device_struct(), depth]
-        launch_images(
-            occupancy_lines.render_map,
-            depth.shape,
-            lambda window: [lens, poses, window, *inputs],
-            device=self.device,
-            threads=threads,
-        )
-        return depth
+        return render_surface(self, camera, poses, 1, threads)[0]
 
     def voxel_map(
         self,
@@ -388,6 +374,28 @@ class OccupancyMap:
 
         vertices, faces = surface_net(read_blocks(self._blocks), self.cell_size, states_at)
         return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def render_surface(
+    occupancy: OccupancyMap, camera: Camera, poses: wp.array, images: int, threads: int | None
+) -> list[wp.array]:
+    """Return the depth at parsed poses and, if there are 3 images, the depths between which the surface is."""
+    from warpvis.kernels.maps import occupancy_lines
+
+    lens = require_camera(camera, "camera").device_struct()
+    if math.isinf(camera.far):
+        raise CameraError("far of the camera must be finite to render a map, got inf")
+    shape = (len(poses), camera.height, camera.width)
+    depths = [empty(shape, wp.float32, name="depth", device=occupancy.device) for _ in range(images)]
+    inputs = [occupancy.device_struct(), *depths, *[None] * (3 - images)]
+    launch_images(
+        occupancy_lines.render_map,
+        shape,
+        lambda window: [lens, poses, window, *inputs],
+        device=occupancy.device,
+        threads=threads,
+    )
+    return depths
 
 
 def _with_window(inputs: KernelArguments, window: Window) -> KernelArguments:
