@@ -86,6 +86,11 @@ def data_cases(folder):
         "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
         "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),
+        "read_tracks": (wv.io.read_tracks, {"path": folder / "walk.txt", "convention": "opencv", "quaternion": "xyzw"}),
+        "Track.pose_at": (
+            wv.io.read_tracks(folder / "walk.txt")["walk"].pose_at,
+            {"time": 0.0, "max_gap": 1.0},
+        ),
         "save_depth_png": (wv.io.save_depth_png, {"depth": DEPTH[0], "path": path / "depth.png"}),
         # warpvis.maps
         "Sphere": (wv.maps.Sphere, {"center": (0, 0, 0), "diameter": 1.0, "label": "object"}),

@@ -45,8 +45,38 @@ def tools_cases(folder):
     arm = wv.viewer.ViewerState(wv.viewer.MujocoStage(_ARM), agents(), points=100)
     played = wv.viewer.ViewerState(seen, agents(), frames=wv.Frames.from_poses([POSE]), points=100)
     page = {"port": 8471, "dark": False}
+    watcher = wv.visibility.DepthWatcher(CAMERA, places={"mug": (2.0, 0.0, 1.0, 0.2)}, floor=-1.0, cell_size=0.1)
+    watched = watcher.update(DEPTH, POSE, time=0.0)
     return {
+        # warpvis.visibility, watching
+        "DepthWatcher": (
+            wv.visibility.DepthWatcher,
+            {
+                "camera": CAMERA,
+                "places": {"mug": (2.0, 0.0, 1.0, 0.2)},
+                "floor": -1.0,
+                "up": (0.0, 0.0, 1.0),
+                "camera_height": 1.0,
+                "cell_size": 0.1,
+                "max_range": 3.0,
+                "sigma": 0.01,
+                "person_radius": 0.3,
+                "robot": "robot",
+                "model": wv.visibility.ReferenceModel(),
+                "device": "cpu",
+            },
+        ),
+        "DepthWatcher.update": (
+            watcher.update,
+            {"depth": DEPTH, "camera_to_world": POSE, "people": agents()[1:], "time": 1.0}
+            | {"convention": "opencv", "quaternion": "xyzw"},
+        ),
+        "Watched.floor_map": (watched.floor_map, {"cell_size": 0.1, "max_range": 3.0}),
         # warpvis.viewer
+        "WatchPage": (
+            lambda **given: wv.viewer.WatchPage(**given).close(),
+            {"watcher": watcher, "port": 8471, "dark": False, "speed": 1.0},
+        ),
         "view": (
             lambda **given: wv.view(**given).close(),
             {"scene": seen, "agents": agents(), "camera": None, "movable": ["box"], "objects": ["box"], **page},

@@ -190,6 +190,9 @@ def _mujoco(folder):
 
 
 def _viewer(folder):
+    from support.recordings import write_tum
+
+    write_tum(folder / "rgbd_dataset_freiburg1_desk", count=2)
     experiment = EXPERIMENTS[0]
     robot, human = experiment.agents()
     return {"scene": experiment.build(), "robot": robot, "human": human}

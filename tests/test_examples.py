@@ -20,6 +20,8 @@ SAYS = {
     r"the collaborator may mean the (pot|lid): 4\d%(.|\n)*the salt: 1\d%\nthe teleoperator must move to see: salt\n",
     "ros2_node.py": r'cup: {"status": "visible", "fraction": 0\.1\d+, "pixels": \d+, "hidden_by": "arm"}\n'
     r'bowl: {"status": "visible", "fraction": 1\.0, .*\nlamp: {"status": "out_of_view"',
+    "ros2_watch.py": r'robot: {"cup": {"status": "visible", "visible": 1\.0.*\nanna: {"cup": {"status": "occluded"'
+    r'.*\nben: {"cup": {"status": "unknown"',
     "webots/controllers/visibility/visibility.py": r"experiment_3.wbt: depth image: the ball; the robot sees the ball; "
     r"both see the low obstacle; both see the high obstacle\nexperiment_4.wbt: depth image: the person; neither sees",
     "depth_sensors.py": r"realsense_d415: VALID \d+\.\d%, .*, SHADOW .*, BAND (.|\n)*structure: .*RANGE .*median",

@@ -78,6 +78,9 @@ RESULTS = {
     "Recognized",
     "Recording",
     "Returns",
+    "Sight",
+    "Track",
+    "Watched",
     "Samples",
     "SceneChange",
     "SceneObject",
@@ -94,6 +97,7 @@ DRAWN = {
     "view",
     "Viewer",
     "Viewer.save_html",
+    "WatchPage",
     "save_rerun",
     "save_depth",
     "save_map",
@@ -124,6 +128,9 @@ OURS = {
     "Camera.device_struct",
     "OrthographicCamera.device_struct",
     "Scene.bvh",
+    "WatchPage.say",
+    "WatchPage.show",
+    "WatchPage.wait_for",
     "Scene.device_lights",
     "Scene.device_materials",
     "Scene.movable_poses",
@@ -196,7 +203,7 @@ NAMES = (
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Measured Occupancy Randomized Reference "
+    "Measured Occupancy read_tracks Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image to_point to_occ find_ quanti range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "

@@ -25,6 +25,7 @@ from warpvis.cli._info import Info, SensorFit
 from warpvis.cli._output import name_options, with_help
 from warpvis.cli._perspective import Perspective, View
 from warpvis.cli._render import Render
+from warpvis.cli._watch import Watch
 from warpvis.errors import WarpvisError
 
 
@@ -51,7 +52,7 @@ def main() -> None:
         print(f"warpvis {warpvis.__version__}")
         return
     with _interrupts.exiting_on_interrupt():
-        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Info | SensorFit
+        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Watch | Info | SensorFit
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
 
 

@@ -28,17 +28,20 @@ from warpvis.io._scene_files import export_scene as export_scene, read_parts as 
 from warpvis.io.cameras._files import load_camera
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tables import read_poses
+from warpvis.io.poses._tracks import Track, read_tracks
 from warpvis.io.recordings._open import open_recording as open_recording
 from warpvis.io.recordings._recording import MeasuredFrame, Recording
 
 __all__ = [
     "MeasuredFrame",
     "Recording",
+    "Track",
     "from_image_msg",
     "load_camera",
     "read_depth",
     "read_points",
     "read_poses",
+    "read_tracks",
     "register_livox_types",
     "save_cloud",
     "save_clouds",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from warpvis.maps._classification import Sphere, back_project as back_project, classify as classify, classify_rendered
 from warpvis.maps._compare_depth import Agreement, DepthComparison, compare_depth as compare_depth
+from warpvis.maps._depth_sigma import Sigma as Sigma
 from warpvis.maps._floor_fit import FloorFit, fit_floor as fit_floor
 from warpvis.maps._floor_map import (
     MAP_LEGEND,

@@ -6,3 +6,4 @@ from ._rerun import save_rerun as save_rerun
 from ._stage import MujocoStage as MujocoStage
 from ._state import Snapshot as Snapshot, ViewerState as ViewerState
 from ._view import Viewer as Viewer, framing_agent as framing_agent
+from ._watch import WatchPage as WatchPage

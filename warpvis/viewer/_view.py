@@ -79,7 +79,7 @@ class Viewer:
         if not is_whole(port) or not 0 < port < 1 << 16:
             raise WarpvisError(f"port must be a whole number from 1 to 65535, got {port!r}")
         self.state = state
-        self.server = _serve(host, int(port))
+        self.server = serve(host, int(port))
         self.page = Page(self.server, state, dark=dark)
         self._closed = threading.Event()
 
@@ -172,7 +172,7 @@ def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
     return Agent("robot", camera, framing(scene, camera))
 
 
-def _serve(host: str, port: int) -> ViserServer:
+def serve(host: str, port: int) -> ViserServer:
     """Start the server."""
     try:
         import viser

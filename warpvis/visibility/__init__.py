@@ -21,11 +21,22 @@ from warpvis.visibility._points import (
     point_visibility_from_depth as point_visibility_from_depth,
 )
 from warpvis.visibility._reference_model import ReferenceModel
+from warpvis.visibility.watching import (
+    DepthWatcher,
+    FloorSearch as FloorSearch,
+    Sight,
+    Watched,
+    map_points as map_points,
+    search_floor as search_floor,
+)
 
 __all__ = [
     "BOP_DELTA",
     "Candidate",
+    "DepthWatcher",
     "MeasuredSpace",
     "ReferenceModel",
+    "Sight",
     "State",
+    "Watched",
 ]

@@ -39,6 +39,9 @@ _NAMES = {
     **{name: (name,) for name in _POSE[3:]},
 }
 
+# Column of the names of several people or objects, and the name without it.
+_NAME, _DEFAULT_NAME = "name", "person"
+
 _LINE = "timestamp tx ty tz qx qy qz qw"
 
 
@@ -47,10 +50,32 @@ def read_csv(path: Path) -> FilePoses:
 
     Other columns, empty lines, and lines that begin with ``#`` are skipped.
     """
+    table, columns, places, _ = _read_table(path)
+    return _as_poses(table, columns, places.__getitem__)
+
+
+def read_named_csv(path: Path) -> dict[str, FilePoses]:
+    """Read poses of several people or objects: as `read_csv`, with a column ``name``, in the order of first lines.
+
+    Without a column ``name``, all poses are of ``person``.
+    """
+    table, columns, places, names = _read_table(path)
+    tracks = {}
+    for name in dict.fromkeys(names):
+        rows = [index for index, other in enumerate(names) if other == name]
+        tracks[name] = _as_poses(table[rows], columns, [places[index] for index in rows].__getitem__)
+    return tracks
+
+
+def _read_table(path: Path) -> tuple[NDArray[np.float64], list[str], list[str], list[str]]:
+    """Return the numbers of a table, their columns, and the location and the name of every row."""
     lines = read_lines(path, "x,y,z,qx,qy,qz,qw")
     reader = csv.reader(lines)
     columns: dict[str, int] = {}
-    width, rows, numbers = 0, [], []
+    width, named = 0, -1
+    rows: list[list[float]] = []
+    places: list[str] = []
+    names: list[str] = []
     try:
         for words in reader:
             place = f"{path}:{reader.line_num}"
@@ -59,19 +84,21 @@ def read_csv(path: Path) -> FilePoses:
             if not columns:
                 words[0] = words[0].lstrip("# ")
                 columns, width = _find_columns(words, place), len(words)
+                headers = [word.strip().lower() for word in words]
+                named = headers.index(_NAME) if _NAME in headers else -1
             elif not words[0].lstrip().startswith("#"):
                 if len(words) != width:
                     raise FileFormatError(
                         f"{place}: expected {pluralize(width, 'value')}, as there are column names, got {len(words)}"
                     )
                 rows.append([_parse_number(words[column], place) for column in columns.values()])
-                numbers.append(reader.line_num)
+                places.append(place)
+                names.append(words[named].strip() if named >= 0 else _DEFAULT_NAME)
     except csv.Error as error:
         raise FileFormatError(f"{path}:{reader.line_num}: cannot be read as CSV: {error}") from None
     if not columns:
         raise FileFormatError(f"{path}: holds no line of column names x, y, z, qx, qy, qz, qw")
-    table = np.array(rows, dtype=np.float64).reshape(-1, len(columns))
-    return _as_poses(table, list(columns), lambda index: f"{path}:{numbers[index]}")
+    return np.array(rows, dtype=np.float64).reshape(-1, len(columns)), list(columns), places, names
 
 
 def read_parquet(path: Path) -> FilePoses:
