@@ -32,6 +32,10 @@ SAYS = {
     "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",
     "lidar.py": r"131072 points, 425\d\d of beams between",
     "measured_floor.py": r"height 1\.(29|30)\d m instead of 1\.300 m, confidence 0\.(.|\n)* 1\.100 m(.|\n)* 1\.400 m",
+    "measured_experiments.py": r"experiment_1\n  floor: 0\.\d\d degrees, [+-]\d mm\n  floor map: 9\d\.\d% of (.|\n)*"
+    r"robot: visible, measured visible \d+%\n  ball for the human: visible, measured visible \d+%\nexperiment_2(.|\n)*"
+    r"robot: occluded, measured occluded\n  ball for the human: visible, measured unknown 100%\nexperiment_3(.|\n)*"
+    r"robot: visible, measured visible \d+%\n.*out of view\nexperiment_4(.|\n)*robot: occluded, measured occluded\n",
     "motion.py": r"de-skewing 65536 points moves them by up to 2\.7\d m",
     "sensor_fit.py": r"6 walls; f b (.|\n)*sigma of disparity +0\.0(79|80)\d* px\nstep of disparity +0\.031",
     "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
