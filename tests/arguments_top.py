@@ -28,6 +28,7 @@ import warpvis as wv
 RAW_INFO = types.SimpleNamespace(
     width=8, height=6, k=[9, 0, 4, 0, 9, 3, 0, 0, 1], d=[0.01, 0, 0, 0, 0], distortion_model="plumb_bob"
 )
+NEAR_CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0, near=0.1, far=3.0)
 POSE_ABOVE = wv.look_at((0, 0, 1), (1, 0, 0.5))
 FLOOR_POINTS = np.stack([*np.meshgrid(np.arange(0.5, 2.5, 0.02), np.arange(-1, 1, 0.02)), np.zeros((100, 100))], -1)
 FLOOR = wv.fit_floor(FLOOR_POINTS, camera_to_world=POSE_ABOVE, up=(0, 0, 1))
@@ -261,7 +262,7 @@ def top_cases(folder):
         "OccupancyMap.probabilities": (occupancy.probabilities, {"points": [(0.0, 0.0, 0.0)], "threads": 1}),
         "OccupancyMap.render_depth": (
             occupancy.render_depth,
-            {**VIEW, "camera": wv.Camera.from_fov(8, 6, hfov=1.0, near=0.1, far=3.0), "threads": 1},
+            {**VIEW, "camera": NEAR_CAMERA, "threads": 1},
         ),
         "OccupancyMap.voxel_map": (
             occupancy.voxel_map,
@@ -279,6 +280,17 @@ def top_cases(folder):
             },
         ),
         "OccupancyMap.mesh": (occupancy.mesh, {}),
+        "OccupancyMap.from_tsdf": (
+            wv.OccupancyMap.from_tsdf,
+            {
+                "distance": np.linspace(-0.1, 0.1, 27).reshape(3, 3, 3),
+                "weight": np.ones((3, 3, 3)),
+                "cell_size": 0.05,
+                "origin": (0.1, 0.0, -0.05),
+                "up": "z",
+                "device": "cpu",
+            },
+        ),
         "OccupancyMap.save": (occupancy.save, {"path": path.with_suffix(".bt")}),
         "OccupancyMap.load": (
             wv.OccupancyMap.load,
@@ -315,7 +327,7 @@ def top_cases(folder):
         ),
         "compare_depth with a map": (
             wv.compare_depth,
-            {"scene": occupancy, **VIEW, "depth": DEPTH, "sigma": 0.01, "tolerance": 0.1},
+            {"scene": occupancy, **VIEW, "camera": NEAR_CAMERA, "depth": DEPTH, "sigma": 0.01, "tolerance": 0.1},
         ),
         "compare_depth": (
             wv.compare_depth,

@@ -179,6 +179,47 @@ def test_mesh_of_one_voxel_is_closed(device):
     np.testing.assert_allclose(mesh.center_mass, 0.5, atol=1e-6)
 
 
+def test_tsdf_becomes_a_map(device):
+    """Distances from a ball that was measured from above, in float64."""
+    side, low, radius = 0.05, np.array([-0.9, -0.85, -1.0]), 0.6
+    centers = low + side * (np.moveaxis(np.indices((37, 35, 41)), 0, -1) + 0.5)
+    exact = np.linalg.norm(centers, axis=-1) - radius
+    weight = np.where((exact > -0.3) & (centers[..., 2] > -0.2), 3, 0).astype(np.uint8)
+    distance = np.clip(exact, -0.2, 0.2).astype(np.float32)
+    occupancy = OccupancyMap.from_tsdf(distance, weight, side, origin=low, device=device)
+    expected = np.where(exact > 0.025, Voxel.FREE, np.where(exact < -0.025, Voxel.HIDDEN, Voxel.SURFACE))
+    expected[weight == 0] = Voxel.UNKNOWN
+    states = occupancy.states(centers.reshape(-1, 3).astype(np.float32)).numpy().reshape(exact.shape)
+    np.testing.assert_array_equal(states, expected)
+    assert set(np.unique(states)) == set(Voxel)
+    assert (occupancy.voxel_map().states.numpy() != Voxel.UNKNOWN).sum() == (weight > 0).sum()
+    chances = np.unique(occupancy.probabilities(centers.reshape(-1, 3).astype(np.float32)).numpy())
+    np.testing.assert_allclose(chances[np.isfinite(chances)], [0.12, 0.97], atol=2e-4)
+    assert occupancy._blocks.used_slots < 0.7 * len(np.unique(np.floor(centers.reshape(-1, 3) / (8 * side)), axis=0))
+    distances = np.abs(np.linalg.norm(occupancy.mesh().vertices, axis=1) - radius)
+    assert distances.max() < side
+
+
+INVALID_TSDF = {
+    r"distance must be floats of shape \(nx, ny, nz\), got int64 of \(2, 2, 2\)": {
+        "distance": np.zeros((2, 2, 2), int)
+    },
+    r"weight must be numbers of shape \(2, 2, 2\), got float64 of \(2, 2\)": {"weight": np.ones((2, 2))},
+    r"origin must be a multiple of the voxels' side, 0.1 m, along each axis": {"origin": (0.05, 0.0, 0.0)},
+    r"origin must be a finite point x, y, z \[m\], got \[0.0\]": {"origin": [0.0]},
+    r"origin must be at most 1073741824 voxels": {"origin": (1e9, 0, 0)},
+    r"cell_size must be a positive number of meters, got -0.1": {"cell_size": -0.1},
+}
+
+
+@pytest.mark.parametrize("message", INVALID_TSDF)
+def test_invalid_tsdf_raises(message):
+    valid = {"distance": np.zeros((2, 2, 2)), "weight": np.ones((2, 2, 2)), "cell_size": 0.1}
+    OccupancyMap.from_tsdf(**valid, device="cpu")
+    with pytest.raises(ArrayError, match=message):
+        OccupancyMap.from_tsdf(**{**valid, **INVALID_TSDF[message]}, device="cpu")
+
+
 def test_invalid_conversions_raise(device, occupancy):
     with pytest.raises(ArrayError, match=r"max_height must be at least a voxel above min_height, 0.5 m, got 0.5"):
         occupancy.occupancy_grid(min_height=0.5, max_height=0.5)

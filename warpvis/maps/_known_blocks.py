@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,13 @@ class KnownBlocks:
         blocks = ((self.mixed >= low) & (self.mixed < high)).all(axis=1)
         first, size = first[boxes].astype(np.int64), (end - first)[boxes].astype(np.int64)
         return KnownBlocks(first, size, self.values[boxes], self.mixed[blocks], self.voxels[blocks])
+
+
+def stored_log_odds(probability: float) -> int:
+    """Return the stored value of voxels with a probability."""
+    from warpvis.kernels.maps.occupancy import LOG_ODDS_UNIT
+
+    return round(math.log(probability / (1.0 - probability)) / LOG_ODDS_UNIT)
 
 
 def read_blocks(storage: BlockStorage) -> KnownBlocks:

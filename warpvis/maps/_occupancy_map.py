@@ -26,13 +26,14 @@ from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
 from warpvis.errors import ArrayError, CameraError
 from warpvis.maps._depth_sigma import Sigma
 from warpvis.maps._floor_map import FLOOR_AXES, check_floor_bounds, count_cells
-from warpvis.maps._known_blocks import read_blocks, write_blocks
+from warpvis.maps._known_blocks import read_blocks, stored_log_odds, write_blocks
 from warpvis.maps._occupancy_blocks import BlockStorage
-from warpvis.maps._occupancy_files import read_map, write_map
+from warpvis.maps._occupancy_files import Options, read_map, write_map
 from warpvis.maps._occupancy_grid import OccupancyGrid, project_columns
 from warpvis.maps._occupancy_mesh import surface_net
 from warpvis.maps._occupancy_views import Integrator
 from warpvis.maps._rectified import rectify
+from warpvis.maps._tsdf_blocks import blocks_of_tsdf
 from warpvis.maps._voxel_map import VoxelMap
 
 if TYPE_CHECKING:
@@ -97,7 +98,13 @@ class OccupancyMap:
             "maximum": _log_odds(maximum, "maximum", 0.5, 1.0),
         }
         box = None if bounds is None else _check_bounds(bounds)
-        self._options = {"bounds": box, "hit": hit, "miss": miss, "minimum": minimum, "maximum": maximum}
+        self._options: Options = {
+            "bounds": box,
+            "hit": hit,
+            "miss": miss,
+            "minimum": minimum,
+            "maximum": maximum,
+        }
         self._integrator = Integrator(self._blocks, box, log_odds)
 
     @classmethod
@@ -124,6 +131,36 @@ class OccupancyMap:
         with reading(place, "an occupancy map"):
             result = cls(**(options if box is None else {**options, "bounds": box}), device=target)
             write_blocks(result._blocks, known if box is None else known.clip(box, result._blocks.block_side))
+        return result
+
+    @classmethod
+    def from_tsdf(
+        cls,
+        distance: ArrayInput,
+        weight: ArrayInput,
+        cell_size: float,
+        *,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        up: Literal["z", "y"] = "z",
+        device: DeviceLike = None,
+    ) -> OccupancyMap:
+        """Create a map from a truncated signed distance field (TSDF), as of nvblox.
+
+        Voxels with a weight are FREE more than half a voxel in front of surfaces, HIDDEN more than half a voxel behind,
+        and SURFACE in between, with the maximum or minimum probability. The others are UNKNOWN.
+
+        Args:
+            distance: Distance of the centers of voxels from the nearest surface [m], positive in front of it, float,
+                shape ``(nx, ny, nz)``, indexed ``[x, y, z]``. Multiply normalized distances by the truncation distance.
+            weight: Weight of the measurements, 0 without, of the same shape.
+            cell_size: Side of a voxel [m].
+            origin: Lower corner of the first voxel [m], a multiple of `cell_size`.
+            up: The world's vertical axis.
+            device: Device of the map and of its computations.
+        """
+        result = cls(cell_size, up=up, device=device)
+        values = stored_log_odds(result._options["minimum"]), stored_log_odds(result._options["maximum"])
+        write_blocks(result._blocks, blocks_of_tsdf(distance, weight, result.cell_size, origin, values))
         return result
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.file_content import reading, require_content, writing
 from warpvis.errors import FileFormatError
-from warpvis.maps._known_blocks import KnownBlocks
+from warpvis.maps._known_blocks import KnownBlocks, stored_log_odds
 
 _FIRST_LINE = b"# Octomap OcTree binary file"
 _FREE, _OCCUPIED, _INNER = 1, 2, 3
@@ -200,9 +200,9 @@ def _find_subtrees(words: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDArr
 
 def _blocks_of(leaves: list[Leaves]) -> KnownBlocks:
     """Return leaves as blocks."""
-    from warpvis.kernels.maps.occupancy import LOG_ODDS_UNIT, NEVER_SEEN
+    from warpvis.kernels.maps.occupancy import NEVER_SEEN
 
-    free, occupied = (round(math.log(limit / (1 - limit)) / LOG_ODDS_UNIT) for limit in (_MINIMUM, _MAXIMUM))
+    free, occupied = stored_log_odds(_MINIMUM), stored_log_odds(_MAXIMUM)
     boxes = [(depth, keys, codes) for depth, keys, codes in leaves if depth <= _BLOCK_DEPTH and len(keys)]
     small = [(depth, keys, codes) for depth, keys, codes in leaves if depth > _BLOCK_DEPTH and len(keys)]
     sides = [np.full(keys.shape, 1 << (_BLOCK_DEPTH - depth)) for depth, keys, _ in boxes]
