@@ -192,7 +192,9 @@ class Sequence:
         poses, people = trajectory(arguments.frames)
         assert model.native_camera is not None
         self.model, self.camera, self.noise = model, model.native_camera, arguments.pose_noise
-        renderer = wv.Renderer(scene, self.camera, outputs="depth", sensor=model, seed=arguments.seed)
+        self.is_exact = arguments.exact
+        noise = {} if self.is_exact else {"sensor": model, "seed": arguments.seed}
+        renderer = wv.Renderer(scene, self.camera, outputs="depth", **noise)
         self.depth = renderer.render(poses, object_poses=people).depth
         people[..., 0] = OUTSIDE
         self.depth_without_people = renderer.render(poses, object_poses=people).depth
@@ -208,7 +210,7 @@ class Sequence:
         maps = []
         for depth in (self.depth, self.depth_without_people):
             occupancy = wv.OccupancyMap(cell, **dict(variant.options))
-            given = sigma if variant.sigma else 0.0
+            given = sigma if variant.sigma and not self.is_exact else 0.0
             occupancy.integrate(depth, self.camera, self.poses, sigma=given, max_range=REACH)
             maps.append(occupancy.voxel_map(BOUNDS).states.numpy())
         return maps[0], maps[1]
@@ -263,6 +265,7 @@ def main() -> None:
     parser.add_argument("--cells", type=float, nargs="+", default=[0.02, 0.05], help="sides of voxels [m]")
     parser.add_argument("--sensors", nargs="+", choices=MODELS, default=list(MODELS))
     parser.add_argument("--pose-noise", type=float, nargs=2, default=[0.005, 0.3], help="position [m], rotation [deg]")
+    parser.add_argument("--exact", action="store_true", help="exact depth of the sensors' cameras")
     parser.add_argument("--variants", action="store_true", help="measure other parameters, too")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
