@@ -164,7 +164,7 @@ def classify(
     if isinstance(floor, FloorFit) and floor.in_camera_frame:
         _require_identity(poses)
     if depth.device.is_cpu and floor is None and ground.below_label == Label.GROUND:
-        plane = np.array([*map(float, ground.normal), float(ground.offset) - ground.height])
+        plane = np.append(np.array(ground.normal), float(ground.offset) - ground.height)
         check_floor(depth.numpy(), camera, poses.numpy().reshape(-1, 7), plane, reach, check_convention(convention))
     balls, sphere_count = _device_spheres(spheres, depth.device)
     labels = take_out(out, wp.uint8, depth.shape, device=depth.device)
