@@ -17,7 +17,7 @@ from warpvis.visibility import MeasuredSpace
 CAMERA = Camera.from_fov(160, 120, hfov=1.2, near=0.2, far=8.0)
 BOX = np.array([(-2.0, -2.0, -0.4), (2.0, 2.0, 2.0)])
 EYE = wv.look_at((-1.5, 0.1, 1.0), (0.0, 0.0, 0.5))
-CLEARANCE = 0.3
+CLEARANCE = 0.5
 
 
 def room(device, *, cup=(1.2, 0.0, 0.6)):

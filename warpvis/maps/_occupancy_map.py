@@ -400,8 +400,9 @@ class OccupancyMap:
     def mesh(self) -> trimesh.Trimesh:
         """Return a mesh of the SURFACE voxels beside FREE ones, for `Scene.add`.
 
-        It is smooth (surface nets), within about a voxel of the measured surfaces, and open where nothing was measured
-        behind them. Things of one voxel in width are thinner.
+        It is smooth (surface nets), within about a voxel of exact surfaces, and open where nothing was measured behind
+        them. Noise makes surfaces thicker: those of a Kinect are about 2 cm in front of the real ones. Things of one
+        voxel in width are thinner.
         """
         import trimesh
 

@@ -36,8 +36,8 @@ class MeasuredSpace:
 
     occupancy: OccupancyMap
     """The map."""
-    eye_clearance: float = 0.3
-    """Length of a line at the eye that is not examined [m], since a person's head is measured, too."""
+    eye_clearance: float = 0.5
+    """Length of a line at the eye that is not examined [m], since a person's head and chest are measured, too."""
     margin: float | None = None
     """Length of a line at the target that is not examined [m], since the target's own surface is in the map; two voxels
     by default."""
