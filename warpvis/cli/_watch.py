@@ -92,6 +92,8 @@ class Watch:
     """Approximate direction up in the world of the poses, which helps to find the floor: 0,0,1 for z."""
     camera_height: float | None = None
     """Approximate height of the camera above the floor [m], which helps to find the floor."""
+    floor_confidence: float = 0.5
+    """Minimum confidence of the floor that is found, from 0 to 1."""
     cell_size: float = 0.03
     """Side of a voxel of the map [m]."""
     max_range: float = 5.0
@@ -184,13 +186,21 @@ class Watch:
         from warpvis.visibility import FloorSearch, search_floor
 
         up = None if self.up is None else _numbers(self.up, "--up", (3,))
-        search = FloorSearch(recording.camera, up=up, camera_height=self.camera_height, interval=2)
+        search = FloorSearch(
+            recording.camera,
+            up=up,
+            camera_height=self.camera_height,
+            interval=2,
+            min_confidence=check_number(self.floor_confidence, "floor_confidence", minimum=0.0, maximum=1.0),
+        )
         chosen = np.unique(np.linspace(0, len(recording) - 1, _FLOOR_FRAMES).astype(int)).tolist()
         frames = (recording[index] for index in chosen)
         try:
             floor = search_floor(search, ((frame.depth, self._pose(frame)) for frame in frames))
         except ArrayError as error:
-            raise ArrayError(f"{error} (--camera-height, --up or --floor)") from None
+            raise ArrayError(
+                f"{error} (--camera-height, --up or --floor), or accept it with --floor-confidence"
+            ) from None
         print(f"floor: {floor.camera_height:.2f} m below the camera, confidence {floor.confidence:.2f}", flush=True)
         return floor
 
