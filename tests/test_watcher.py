@@ -80,12 +80,13 @@ def test_person_sees_one_ball_and_the_board_hides_the_other():
 def test_what_nobody_measured_is_unknown_over_its_length():
     bob = person("bob", eyes=(0.5, 3.0, 1.4))
     poses = trajectory()
-    _, results = watch([bob], floor=FLOOR)
+    watcher, results = watch([bob], floor=FLOOR)
     sight = results[-1].sights["bob"]["ball"]
     assert sight.status == wv.Visibility.UNKNOWN and sight.unknown == 1 and sight.hidden == 0
     eye, center = bob.poses[0, :3], np.array(raised(BALL)[:3])
     length = np.linalg.norm(center - eye)
-    distances = np.arange(0.3, length - BALL[3] / 2 - 0.08, 0.001)  # beyond the body, up to two voxels before the ball
+    begin = wv.visibility.MeasuredSpace(watcher.occupancy).eye_clearance
+    distances = np.arange(begin, length - BALL[3] / 2 - 0.08, 0.001)  # up to two voxels before the ball
     free = measured(eye + distances[:, None] * (center - eye) / length, poses, depths(poses))
     assert 0.5 < 1e-3 * (~free).sum() < length
     assert sight.unknown_length == pytest.approx(1e-3 * (~free).sum(), abs=0.08)
