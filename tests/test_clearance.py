@@ -207,7 +207,11 @@ def test_invalid_clearance_arguments_raise(change, said):
         ({"radius": True}, "radius must be a positive number of meters, got True"),
         ({"floor": np.nan}, "floor must be a finite number of meters, got nan"),
         ({"step": -1}, "step must be a number of meters from 0 up, got -1"),
-        ({"camera_to_world": at((0, np.nan, 0))}, "camera_to_world must be finite: wrong in 1 of 1, at index 0"),
+        (
+            {"camera_to_world": at((0, np.nan, 0))},
+            "camera_to_world must be finite: wrong in 1 of 1, at index 0; leave out views without a pose, as "
+            "Recording.posed does",
+        ),
         ({"exclude": ["me"]}, "the scene has no object 'me'; it has 'floor', 'table', 'pillar', 'sill'"),
     ],
 )

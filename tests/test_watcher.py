@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import warpvis as wv
 from warpvis.visibility import map_points
+from warpvis.visibility.watching import FloorSearch
 from warpvis.visibility.watching._sights import Target
 
 from support.watching import BALL, BOX, CAMERA, FLOOR, depths, person, raised, room, trajectory
@@ -121,6 +122,13 @@ def test_no_floor_is_reported_with_a_remedy():
     assert "no floor was found in 2 images" in watcher.problem and "pass the height of the camera" in watcher.problem
     with pytest.raises(wv.WarpvisError, match="the map must not be empty"):
         watcher.voxel_map()
+
+
+def test_empty_images_are_the_reason_why_there_is_no_floor():
+    search = FloorSearch(CAMERA)
+    assert "there is no image" in search.explain()
+    search.add(np.full((CAMERA.height, CAMERA.width), np.nan, dtype=np.float32), wv.look_at((0, 0, 1), (3, 0, 1)))
+    assert "no floor was found in 1 images: measured must have 100 points within 12 m" in search.explain()
 
 
 def test_people_are_labeled_and_leave_no_trace_in_the_map():

@@ -50,6 +50,7 @@ class FloorSearch:
         self._interval = check_whole(interval, "interval")
         self._points: list[NDArray[np.float32]] = []
         self._count, self._stride = 0, 1
+        self._failure = "there is no image"
         self.found: FloorFit | None = None
         """The floor, once its confidence is sufficient."""
         self.best: FloorFit | None = None
@@ -70,7 +71,7 @@ class FloorSearch:
         """Return why no floor was found, and the remedy."""
         remedy = "pass the height of the camera, the direction up, or the floor"
         if self.best is None:
-            return f"no floor was found in {self._count} images; {remedy}"
+            return f"no floor was found in {self._count} images: {self._failure}; {remedy}"
         problems = "; ".join(self.best.problems) or "no problem was found"
         return (
             f"no floor was found in {self._count} images: the best one is {self.best.camera_height:.2f} m below the "
@@ -89,7 +90,8 @@ class FloorSearch:
         points = np.concatenate(self._points)
         try:
             fit = fit_floor(points, None, camera_to_world, up=self._up, camera_height=self._height)
-        except ArrayError:  # too few points, or no plane
+        except ArrayError as error:  # too few points, or no plane
+            self._failure = str(error)
             return
         if self.best is None or fit.confidence >= self.best.confidence:
             self.best = fit
