@@ -72,8 +72,8 @@ def render_map(dense: DenseMap, eye: NDArray, rays: NDArray, near: float, far: f
     return np.array(depths).reshape(rays.shape[:-1])
 
 
-def hide_pixels(*line: object) -> tuple[NDArray, NDArray]:
-    return judge_lines(*line)
+# Pixels are hidden like points.
+hide_pixels = judge_lines
 
 
 def judge_unknown(image: NDArray, visible: NDArray, unknown: NDArray, status: NDArray) -> NDArray:

@@ -171,6 +171,9 @@ def test_objects_are_hidden_by_the_map_and_by_unknown_space(device):
         chosen = wv.object_visibility(scene, CAMERA, eye, object_poses=poses[:1], occupancy=little)
         share = chosen.unknown_pixels.numpy() / chosen.image_pixels.numpy()
         assert low <= share <= high, (place, share)
+        counts = [array.numpy() for array in (chosen.image_pixels, chosen.visible_pixels, chosen.unknown_pixels)]
+        before = np.where(counts[1] > 0, Visibility.VISIBLE, Visibility.OCCLUDED)
+        assert (chosen.status.numpy() == reference_lines.judge_unknown(*counts, before)).all()
         assert (chosen.status.numpy() == Visibility.UNKNOWN) == (share > 0.5)
     with_delta = wv.object_visibility(scene, CAMERA, eye, object_poses=poses[:1], occupancy=little, delta=0.01)
     assert (with_delta.unknown_pixels.numpy() == chosen.unknown_pixels.numpy()).all()
