@@ -242,6 +242,14 @@ def as_point(value: ArrayLike, name: str, error: type[WarpvisError] = ArrayError
     return point
 
 
+def as_box(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return the lower and upper corner of a box [m] as float64, shape ``(2, 3)``."""
+    corners = as_numpy(value, name=name).astype(np.float64)
+    if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
+        raise ArrayError(f"{name} must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
+    return corners
+
+
 def check_length(
     value: object,
     name: str,

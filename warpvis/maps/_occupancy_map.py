@@ -17,7 +17,7 @@ from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.pinhole import Camera, require_camera
-from warpvis.core.arrays import as_numpy, as_points, check_length, empty, get_device
+from warpvis.core.arrays import as_box, as_points, check_length, empty, get_device
 from warpvis.core.checks import as_path, check_number, is_number
 from warpvis.core.file_content import reading
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
@@ -97,7 +97,7 @@ class OccupancyMap:
             "minimum": _log_odds(minimum, "minimum", 0.0, 0.5),
             "maximum": _log_odds(maximum, "maximum", 0.5, 1.0),
         }
-        box = None if bounds is None else _check_bounds(bounds)
+        box = None if bounds is None else as_box(bounds, "bounds")
         self._options: Options = {
             "bounds": box,
             "hit": hit,
@@ -126,7 +126,7 @@ class OccupancyMap:
             FileFormatError: If the file cannot be read, is damaged, or contains too many blocks.
         """
         place, target = as_path(path), get_device(device)
-        box = None if bounds is None else _check_bounds(bounds)
+        box = None if bounds is None else as_box(bounds, "bounds")
         options, known = read_map(place)
         with reading(place, "an occupancy map"):
             result = cls(**(options if box is None else {**options, "bounds": box}), device=target)
@@ -336,7 +336,7 @@ class OccupancyMap:
         """
         from warpvis.kernels.maps import occupancy as kernels
 
-        box = self.bounds if bounds is None else _check_bounds(bounds)
+        box = self.bounds if bounds is None else as_box(bounds, "bounds")
         first = np.floor(box[0] / self.cell_size + _ROUNDING).astype(np.int64)
         size = np.ceil(box[1] / self.cell_size - _ROUNDING).astype(np.int64) - first
         count_cells(size * self.cell_size, self.cell_size, "a grid", "voxels")
@@ -438,13 +438,6 @@ def render_surface(
 
 def _with_window(inputs: KernelArguments, window: Window) -> KernelArguments:
     return [window, *inputs]
-
-
-def _check_bounds(bounds: ArrayLike) -> NDArray[np.float64]:
-    corners = as_numpy(bounds, name="bounds").astype(np.float64)
-    if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
-        raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
-    return corners
 
 
 def _log_odds(probability: object, name: str, low: float, high: float) -> float:

@@ -20,7 +20,7 @@ from warpvis.cameras.depth_images import read_images, read_labels
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.pose_meaning import refuse_inconsistent_views
-from warpvis.core.arrays import as_numpy, check_length, empty
+from warpvis.core.arrays import as_box, check_length, empty
 from warpvis.core.kernel_cache import launch
 from warpvis.core.labels import Label, LabelNames
 from warpvis.core.poses import (
@@ -34,7 +34,6 @@ from warpvis.core.poses import (
 )
 from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, DeviceLike, Excluded, KernelArguments, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError
 from warpvis.maps._floor_map import count_cells, ground_bits
 from warpvis.maps._voxel_map import VoxelMap, check_same_grid, require_map
 from warpvis.rendering import Renderer, rays_on_device
@@ -254,9 +253,7 @@ def _zeros(shape: tuple[int, ...], dtype: type, device: wp.Device) -> wp.array:
 def _check_grid(bounds: ArrayLike, cell_size: float) -> tuple[tuple[float, float, float], tuple[int, int, int], float]:
     """Check the box of a grid; return the grid's origin, size and voxel side."""
     side = check_length(cell_size, "cell_size", zero=False)
-    corners = as_numpy(bounds, name="bounds").astype(np.float64)
-    if corners.shape != (2, 3) or not np.isfinite(corners).all() or (corners[1] <= corners[0]).any():
-        raise ArrayError(f"bounds must be the lower and upper corner of a box, shape (2, 3), got {corners.tolist()}")
+    corners = as_box(bounds, "bounds")
     x, y, z = count_cells(corners[1] - corners[0], side, "a grid", "voxels")
     first, second, third = corners[0].tolist()
     return (first, second, third), (x, y, z), side
