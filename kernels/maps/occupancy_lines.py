@@ -8,7 +8,7 @@ Voxel Traversal Algorithm for Ray Tracing", Eurographics 1987).
 
 import warp as wp
 
-from warpvis.kernels.maps.occupancy import NOT_MEASURED, SIDE, Blocks, is_inside, offset_in_block
+from warpvis.kernels.maps.occupancy_blocks import NOT_MEASURED, SIDE, Blocks, is_inside, offset_in_block
 from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, pose_origin, pose_rotation
 from warpvis.kernels.visibility.points import OCCLUDED, UNKNOWN, VISIBLE, locate_point
 

@@ -4,7 +4,8 @@
 
 import warp as wp
 
-from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, TILE, Blocks, DepthView, block_corner
+from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, TILE, DepthView, block_corner
+from warpvis.kernels.maps.occupancy_blocks import Blocks
 from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import Window, locate
 
@@ -174,7 +175,7 @@ def update_voxels(
     marked_slots_out: wp.array[wp.uint8],
     summaries_out: wp.array[wp.int32],
 ):
-    """Update and summarize a listed block per thread, as `occupancy.update_voxels` and `summarize_blocks` do."""
+    """Update and summarize listed blocks, one per thread, as `update_voxels` and `summarize_blocks` of CUDA do."""
     row, i, _j = wp.tid()
     row, i = locate(window, row, i)
 

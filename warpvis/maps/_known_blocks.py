@@ -16,7 +16,7 @@ from warpvis.maps._occupancy_blocks import BlockStorage
 
 @dataclass(frozen=True)
 class KnownBlocks:
-    """Blocks with values, which are those of `warpvis.kernels.maps.occupancy`; blocks count from the world's origin."""
+    """Blocks with the values of `warpvis.kernels.maps.occupancy_blocks`; blocks count from the world's origin."""
 
     first: NDArray[np.int64]
     """First blocks of boxes of blocks whose voxels have one value, shape ``(N, 3)``."""
@@ -41,14 +41,14 @@ class KnownBlocks:
 
 def stored_log_odds(probability: float) -> int:
     """Return the stored value of voxels with a probability."""
-    from warpvis.kernels.maps.occupancy import LOG_ODDS_UNIT
+    from warpvis.kernels.maps.occupancy_blocks import LOG_ODDS_UNIT
 
     return round(math.log(probability / (1.0 - probability)) / LOG_ODDS_UNIT)
 
 
 def read_blocks(storage: BlockStorage) -> KnownBlocks:
     """Copy the known blocks of a map to the host."""
-    from warpvis.kernels.maps.occupancy import NEVER_SEEN, SIDE
+    from warpvis.kernels.maps.occupancy_blocks import NEVER_SEEN, SIDE
 
     slot, uniform = storage.slot.numpy(), storage.uniform.numpy()
     has_slot = slot >= 0
@@ -64,7 +64,7 @@ def write_blocks(storage: BlockStorage, known: KnownBlocks) -> None:
     Raises:
         ArrayError: If the map would have too many blocks.
     """
-    from warpvis.kernels.maps.occupancy import NEVER_SEEN, NOT_MEASURED, VOXELS
+    from warpvis.kernels.maps.occupancy_blocks import NEVER_SEEN, NOT_MEASURED, VOXELS
 
     if not len(known.first) + len(known.mixed):
         return

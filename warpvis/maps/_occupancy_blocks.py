@@ -15,7 +15,7 @@ from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 
 if TYPE_CHECKING:
-    from warpvis.kernels.maps.occupancy import Blocks
+    from warpvis.kernels.maps.occupancy_blocks import Blocks
 
 # Blocks that a grid grows by beyond what is needed, since cameras move on.
 _MARGIN = 8
@@ -27,11 +27,11 @@ _MIN_SLOTS = 1024
 
 
 class BlockStorage:
-    """Blocks of voxels on a device; see `warpvis.kernels.maps.occupancy`."""
+    """Blocks of voxels on a device; see `warpvis.kernels.maps.occupancy_blocks`."""
 
     def __init__(self, cell_size: float, device: wp.Device) -> None:
         """Create a grid without blocks."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         self.device = device
         self.cell_size = cell_size
@@ -57,7 +57,7 @@ class BlockStorage:
     @property
     def block_side(self) -> float:
         """Side of a block [m]."""
-        from warpvis.kernels.maps.occupancy import SIDE
+        from warpvis.kernels.maps.occupancy_blocks import SIDE
 
         return SIDE * self.cell_size
 
@@ -68,7 +68,7 @@ class BlockStorage:
 
     def struct(self) -> Blocks:
         """Return the blocks as a kernel argument."""
-        from warpvis.kernels.maps.occupancy import Blocks
+        from warpvis.kernels.maps.occupancy_blocks import Blocks
 
         blocks = Blocks()
         blocks.first, blocks.cell = wp.vec3i(*self.first.tolist()), self.cell_size
@@ -77,7 +77,7 @@ class BlockStorage:
 
     def include(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
         """Grow the grid to include blocks from `low` to below `high`, counted from the world's origin."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         if not self.slot.size:
             self.first = low - _MARGIN
@@ -105,7 +105,7 @@ class BlockStorage:
 
     def fill(self, listed: wp.array, count: int) -> None:
         """Give slots to those of the listed blocks that have none, `count` blocks."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         if not count:
             return
@@ -132,7 +132,7 @@ class BlockStorage:
 
     def release(self, listed: wp.array, summaries: wp.array) -> None:
         """Take the slots of listed blocks whose voxels all have the same value."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         count = self._full((1,), wp.int32, 0)
         inputs = [listed, summaries, self.struct(), self._free[self._free_count :], count]

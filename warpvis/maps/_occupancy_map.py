@@ -39,7 +39,7 @@ from warpvis.maps._voxel_map import VoxelMap
 if TYPE_CHECKING:
     import trimesh
 
-    from warpvis.kernels.maps.occupancy import Blocks
+    from warpvis.kernels.maps.occupancy_blocks import Blocks
     from warpvis.kernels.pinhole import Window
 
 # Share of a voxel by which bounds that are multiples of its side may differ from them.
@@ -248,7 +248,7 @@ class OccupancyMap:
         Args:
             factor: For example ``0.5 ** (elapsed / half_life)``.
         """
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         share = check_number(factor, "factor", minimum=0.0, maximum=1.0)
         rows = self._blocks.voxels.reshape((1, *self._blocks.voxels.shape))
@@ -269,7 +269,7 @@ class OccupancyMap:
         return self._look_up(points, wp.float32, threads)
 
     def _look_up(self, points: ArrayInput, dtype: type, threads: int | None) -> wp.array:
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         places = as_points(points, "points", "N", self.device)
         result = empty((len(places),), dtype, name="the result", device=self.device)
@@ -334,7 +334,7 @@ class OccupancyMap:
         Returns:
             A copy on the map's device.
         """
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         box = self.bounds if bounds is None else as_box(bounds, "bounds")
         first = np.floor(box[0] / self.cell_size + _ROUNDING).astype(np.int64)

@@ -71,7 +71,8 @@ class Integrator:
             self._update_voxels(view, depth, bounds, updates, low, threads)
 
     def _view_struct(self, camera: Camera, sigma: Sigma, reach: float) -> DepthView:
-        from warpvis.kernels.maps.occupancy import LOG_ODDS_UNIT, DepthView
+        from warpvis.kernels.maps.occupancy import DepthView
+        from warpvis.kernels.maps.occupancy_blocks import LOG_ODDS_UNIT
 
         view = DepthView()
         view.camera, view.reach = camera.device_struct(), reach
@@ -128,7 +129,7 @@ class Integrator:
         threads: int | None,
     ) -> None:
         """Update the voxels of the blocks that need it."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         listed, count_new = self._list_blocks(self._corner(low), updates)
         count = len(listed)
@@ -156,7 +157,7 @@ class Integrator:
 
     def _list_blocks(self, lower: wp.vec3i, updates: wp.array) -> tuple[wp.array, int]:
         """Return the blocks that need an update, and the number of those without a slot."""
-        from warpvis.kernels.maps import occupancy as kernels
+        from warpvis.kernels.maps import occupancy_blocks as kernels
 
         blocks = self._blocks.struct()
         capacity = max(1024, len(self._scratch.get("listed", ())))

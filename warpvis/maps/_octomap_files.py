@@ -96,7 +96,7 @@ def _build_tree(known: KnownBlocks) -> tuple[NDArray[np.uint16], int]:
 
 def _codes_of(values: NDArray[np.int16]) -> NDArray[np.uint16]:
     """Return the codes of leaves with these log-odds."""
-    from warpvis.kernels.maps.occupancy import NOT_MEASURED
+    from warpvis.kernels.maps.occupancy_blocks import NOT_MEASURED
 
     measured = np.where(values >= 0, _OCCUPIED, _FREE)
     return np.where(values > int(NOT_MEASURED), measured, 0).astype(np.uint16)
@@ -200,7 +200,7 @@ def _find_subtrees(words: NDArray[np.uint16]) -> tuple[NDArray[np.uint16], NDArr
 
 def _blocks_of(leaves: list[Leaves]) -> KnownBlocks:
     """Return leaves as blocks."""
-    from warpvis.kernels.maps.occupancy import NEVER_SEEN
+    from warpvis.kernels.maps.occupancy_blocks import NEVER_SEEN
 
     free, occupied = stored_log_odds(_MINIMUM), stored_log_odds(_MAXIMUM)
     boxes = [(depth, keys, codes) for depth, keys, codes in leaves if depth <= _BLOCK_DEPTH and len(keys)]

@@ -23,7 +23,7 @@ def blocks_of_tsdf(
     distance: ArrayInput, weight: ArrayInput, cell_size: float, origin: ArrayLike, values: tuple[int, int]
 ) -> KnownBlocks:
     """Return the blocks of a TSDF; `values` are the stored log-odds of free and of occupied voxels."""
-    from warpvis.kernels.maps.occupancy import NEVER_SEEN, NOT_MEASURED, SIDE
+    from warpvis.kernels.maps.occupancy_blocks import NEVER_SEEN, NOT_MEASURED, SIDE
 
     distances, weights = (as_numpy(array, name=name) for array, name in ((distance, "distance"), (weight, "weight")))
     if distances.ndim != 3 or not distances.size or distances.dtype.kind != "f":
