@@ -45,7 +45,7 @@ test-slow: $(STAMP)
 # The live viewer in a real browser. Screenshots are in .pytest_cache/screenshots, or where WARPVIS_SCREENSHOTS says.
 test-browser: $(STAMP)
 	-@./scripts/ensure_chromium.sh
-	$(BIN)/python -m pytest -m browser tests/test_viewer_browser.py
+	$(BIN)/python -m pytest -m browser tests/test_viewer_browser.py tests/test_watch_browser.py
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
 LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets table_packets object_visibility))

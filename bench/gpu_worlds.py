@@ -89,8 +89,9 @@ class Pair:
         *,
         mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
         color: bool = False,
+        shadows: bool = False,
     ) -> None:
-        """Prepare to render square images of `size` pixels a side."""
+        """Prepare to render square images of `size` pixels a side: depth, or color and depth."""
         import mujoco_warp as mjw
 
         self.placed, self.camera, self.worlds = placed, camera, placed.data.nworld
@@ -99,7 +100,8 @@ class Pair:
             self.worlds,
             height=size,
             width=size,
-            outputs=("color",) if color else ("depth",),
+            outputs=("color", "depth") if color else ("depth",),
+            shadows=shadows,
             geom_groups=_GROUPS,
             mesh_tolerance=mesh_tolerance,
             device=placed.device,
@@ -111,9 +113,10 @@ class Pair:
                 nworld=self.worlds,
                 cam_res=(size, size),
                 render_rgb=color,
-                render_depth=not color,
+                render_depth=True,
                 render_seg=False,
                 use_textures=color,
+                use_shadows=shadows,
                 enabled_geom_groups=list(_GROUPS),
                 cam_active=[camera],
             )
@@ -148,8 +151,8 @@ class Pair:
         with wp.ScopedDevice(self.placed.device):
             self.ours()
             self.theirs()
-        same = 1.0 if self.views.depth is None else self.agreement()[0]  # colors differ by the lights
-        return Contest(self.ours, {"MuJoCo Warp": [self.theirs]}, timer_of(self.placed.device), same, with_graphs=True)
+        timer, same = timer_of(self.placed.device), self.agreement()[0]
+        return Contest(self.ours, {"MuJoCo Warp": [self.theirs]}, timer, same, with_graphs=True)
 
 
 @lru_cache(maxsize=2)
@@ -176,13 +179,17 @@ def workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload
 
 
 def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Workload]:
-    """Yield color of aloha_pot's worlds, with textures and without shadows."""
-    count = worlds or 1024
+    """Yield color and depth of aloha_pot's worlds, with textures, without shadows and with them."""
 
-    def prepare() -> Contest:
-        return Pair(load(default_model(), count, str(device)), "teleoperator_pov", 64, color=True).contest()
+    def prepare(camera: str, size: int, count: int, shadows: bool) -> Contest:
+        placed = load(default_model(), count, str(device))
+        return Pair(placed, camera, size, color=True, shadows=shadows).contest()
 
-    yield Workload(f"worlds teleoperator_pov 64x64 of {count} color", prepare)
+    for size, camera in ((64, "teleoperator_pov"), (64, "overhead_cam"), (128, "teleoperator_pov")):
+        for shadows in (False, True):
+            count = worlds or 4096
+            name = f"worlds {camera} {size}x{size} of {count} color{' with shadows' if shadows else ''}"
+            yield Workload(name, partial(prepare, camera, size, count, shadows))
 
 
 def compare(path: Path, camera: str, worlds: int, size: int, mesh_tolerance: float, device: str) -> dict[str, Any]:

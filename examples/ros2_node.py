@@ -5,7 +5,8 @@
     python ros2_node.py --ros-args -p scene:=lab.glb -p fixed_frame:=map -p camera_frame:=camera_depth_optical_frame
 
 The robot comes from `robot_description`; poses of its links and of the camera's optical frame come from tf. The node
-publishes `depth/image_rect`, `camera_info`, `points` and `visibility` (JSON text). Its parameters are `PARAMETERS`.
+publishes `depth/image_rect`, `camera_info`, `points` and `visibility` (JSON text), and `color/image_rect` and colored
+points if the scene or the robot has colors. Its parameters are `PARAMETERS`.
 Without ROS, the script renders one view of a robot with two links.
 """
 
@@ -25,6 +26,7 @@ import numpy as np
 import trimesh
 
 import warpvis as wv
+from warpvis.scene.materials import Appearance, Material
 
 PARAMETERS = {
     "scene": "",  # file of the robot's surroundings: glTF, OBJ, MJCF, a Webots world, ...
@@ -40,18 +42,31 @@ PARAMETERS = {
     "encoding": "32FC1",  # or 16UC1
     "objects": "",  # objects in `visibility`; by default all except the robot's links
     "exclude": "",  # invisible objects, such as links around the camera
+    "shadows": True,  # of colors, like the next one
+    "samples": 1,  # rays through each pixel at an edge: 1, 2, 4, 8 or 16
     "rate": 10.0,
     "device": "cpu",
 }
-
-Mesh = tuple[np.ndarray, np.ndarray]
-"""Vertices and faces."""
 
 Lookup = Callable[[str], Sequence[float] | None]
 """Returns a frame's pose in the fixed frame, ``x y z qx qy qz qw``, or None."""
 
 
-def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
+@dataclasses.dataclass
+class Part:
+    """A mesh in the frame of a link or of a movable object, and its colors if it has any."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    appearance: Appearance | None
+
+    @property
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices and faces."""
+        return self.vertices, self.faces
+
+
+def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Part]:
     """Return the meshes of a robot's links in the links' tf frames."""
     robot = ElementTree.fromstring(urdf)
     shown = "visual" if robot.find("link/visual") is not None else "collision"
@@ -76,11 +91,23 @@ def read_links(urdf: str, search_path: Sequence[str] = ()) -> dict[str, Mesh]:
     return links
 
 
-def join(items: Sequence[wv.SceneObject]) -> Mesh:
-    """Concatenate objects to one mesh."""
+def join(items: Sequence[wv.SceneObject]) -> Part:
+    """Concatenate objects to one mesh with their materials and textures."""
     first = np.cumsum([0] + [len(item.vertices) for item in items])
     faces = [item.faces + start for item, start in zip(items, first, strict=False)]
-    return np.concatenate([item.vertices for item in items]), np.concatenate(faces)
+    vertices, appearances = np.concatenate([item.vertices for item in items]), [item.appearance for item in items]
+    if not any(appearances):
+        return Part(vertices, np.concatenate(faces), None)
+    materials: list[Material] = []
+    rows, uv = [], []
+    for item, found in zip(items, appearances, strict=True):
+        appearance = found or Appearance()
+        of_faces, corners = appearance.face_materials, appearance.corner_uv(item.faces)
+        rows.append(np.full(len(item.faces), len(materials)) + (0 if of_faces is None else of_faces))
+        uv.append(np.zeros((len(item.faces), 3, 2)) if corners is None else corners)
+        materials += appearance.materials
+    joined = Appearance(tuple(materials), face_materials=np.concatenate(rows), uv=np.concatenate(uv))
+    return Part(vertices, np.concatenate(faces), joined)
 
 
 def build_scene(
@@ -90,10 +117,11 @@ def build_scene(
     scene = wv.Scene.load(file, device=device) if file else wv.Scene(device=device)
     for item in movable.split():
         name, _, part = item.partition("=")
-        scene.add(join(wv.Scene.load(part).objects), name=name, label="object", movable=True)
+        thing = join(wv.Scene.load(part).objects)
+        scene.add(thing.mesh, name=name, label="object", movable=True, appearance=thing.appearance)
     links = read_links(urdf, search_path) if urdf else {}
-    for name, mesh in links.items():
-        scene.add(mesh, name=name, label="robot", movable=True)
+    for name, link in links.items():
+        scene.add(link.mesh, name=name, label="robot", movable=True, appearance=link.appearance)
     return scene, list(links)
 
 
@@ -114,15 +142,20 @@ class Eye:
         links: Iterable[str] = (),
         objects: Iterable[str] = (),
         exclude: Iterable[str] = (),
+        **colors: Any,
     ) -> None:
-        """Initialize with a scene, and names of the robot's links, of reported objects, and of invisible objects."""
+        """Initialize with a scene, and names of the robot's links, of reported objects, and of invisible objects.
+
+        `colors` are `shadows` and `samples` of `warpvis.Renderer`.
+        """
         self.scene, self.camera = scene, camera
         self.lost: set[str] = set()
         """Objects whose pose was never found in tf."""
         self._exclude = set(exclude)
         objects_of_scene = [item.name for item in scene.objects if item.name not in set(links)]
         self._objects = list(objects) or objects_of_scene or list(links)
-        self._renderer = wv.Renderer(scene, camera, outputs=("depth",))
+        has_color = any(item.appearance is not None for item in scene)
+        self._renderer = wv.Renderer(scene, camera, outputs=("depth", "color") if has_color else ("depth",), **colors)
         self._poses = np.array([scene.objects[index].pose for index in scene.movable]).reshape(-1, 7)
         self._placed: set[str] = set()
 
@@ -179,6 +212,7 @@ class Viewer:
             self._camera = wv.Camera.from_fov(**sizes)
         node.create_subscription(ros.String, "robot_description", self.take_robot, ros.latched_qos)
         self._images = node.create_publisher(ros.Image, "depth/image_rect", 5)
+        self._colors = node.create_publisher(ros.Image, "color/image_rect", 5)
         self._infos = node.create_publisher(ros.CameraInfo, "camera_info", 5)
         self._clouds = node.create_publisher(ros.PointCloud2, "points", 5)
         self._texts = node.create_publisher(ros.String, "visibility", 5)
@@ -205,7 +239,8 @@ class Viewer:
         scene, links = build_scene(self._set["scene"], self._urdf, **options)
         if not self._urdf:  # names of links are not known yet
             objects, exclude = ([name for name in names if name in scene] for names in (objects, exclude))
-        self._eye = Eye(scene, self._camera, links=links, objects=objects, exclude=exclude)
+        colors = {name: self._set[name] for name in ("shadows", "samples")}
+        self._eye = Eye(scene, self._camera, links=links, objects=objects, exclude=exclude, **colors)
 
     def tick(self) -> None:
         """Render and publish images and visibility; do nothing while the camera is unknown to tf."""
@@ -225,8 +260,10 @@ class Viewer:
         views, objects = self._eye.look(pose_of(seen_from))
         header = {"frame_id": frame, "stamp": stamp}
         self._images.publish(wv.io.to_image_msg(views.depth, encoding=self._set["encoding"], **header))
+        if views.color is not None:
+            self._colors.publish(wv.io.to_color_msg(views.color, **header))
         self._infos.publish(self._camera.to_camera_info(**header))
-        self._clouds.publish(wv.io.to_pointcloud2(views.depth, self._camera, **header))
+        self._clouds.publish(wv.io.to_pointcloud2(views.depth, self._camera, colors=views.color, **header))
         self._texts.publish(self._ros.String(data=describe(objects, frame, stamp)))
 
     def _pose(self, name: str, stamp: Any) -> list[float] | None:

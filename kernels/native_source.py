@@ -8,6 +8,7 @@ from pathlib import Path
 import warp as wp
 
 _FOLDER = Path(__file__).parent / "native"
+_FUSE = "#pragma clang fp contract(fast)\n"
 _INCLUDE = re.compile(r'#include "(.+)"')
 
 CPU_NUMBERS = "PixelLanes"
@@ -48,16 +49,21 @@ def _expand(names: tuple[str, ...], seen: set[str]) -> str:
     return text
 
 
-def pixel_options(*names: str) -> dict[str, bool | wp.ModuleBuildOptions]:
+def pixel_options(
+    *names: str, cpu: tuple[str, ...] = (), fused: bool = False
+) -> dict[str, bool | wp.ModuleBuildOptions]:
     """Return options of a module whose formulas compute 16 pixels of a row at a time on the CPU, and one on CUDA.
 
     They are templates of the type of numbers, `PixelLanes` or `OnePixel`; for each device, ``PixelNumbers`` is one.
-    Products and sums are not fused, so that CPU and CUDA compute the same bits.
+    Products and sums are not fused, so that CPU and CUDA compute the same bits, unless `fused` asks for it. `cpu` are
+    headers for the CPU alone.
     """
-    cpu = include_native("cpu/random_lanes.h", *names, constants=_pixel_numbers(CPU_NUMBERS))
+    # Warp applies "fuse_fp" to CUDA only.
+    of_lanes = (_FUSE if fused else "") + _pixel_numbers(CPU_NUMBERS)
+    of_cpu = include_native("cpu/random_lanes.h", *names, *cpu, constants=of_lanes)
     cuda = include_native("shared/random.h", *names, cuda=True, constants=_pixel_numbers("OnePixel"))
-    options = {"enable_backward": False, "default_grid_stride": False, "fuse_fp": False}
-    return options | {"extra_build_options": cpu.merged(cuda)}
+    options = {"enable_backward": False, "default_grid_stride": False, "fuse_fp": fused}
+    return options | {"extra_build_options": of_cpu.merged(cuda)}
 
 
 def _pixel_numbers(name: str) -> str:

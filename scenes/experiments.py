@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,14 @@ from warpvis.core.labels import Label
 from warpvis.core.poses import look_at
 from warpvis.maps import Sphere
 from warpvis.scene import Scene
+from warpvis.scene.lights import Background, Light
+from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scenes import shapes
 from warpvis.scenes.preset import ScenePreset
 from warpvis.visibility import Agent, State
+
+if TYPE_CHECKING:
+    import trimesh
 
 FLOOR_SIZE = 4.0
 ROBOT_AT = (-1.8, 0.0)
@@ -33,6 +39,16 @@ HIGH_OBSTACLE = (0.2, 0.8, 1.4)
 BALL_DIAMETER = 0.2
 PERSON_HEIGHT = 1.7
 EYE_HEIGHT = 1.6
+
+_COLORS = {
+    "low obstacle": (0.72, 0.50, 0.28),
+    "high obstacle": (0.45, 0.66, 0.66),
+    "ball": (0.87, 0.20, 0.13),
+    "person": (0.33, 0.45, 0.80),
+    "robot": (0.35, 0.36, 0.40),
+}
+_TILES = (0.80, 0.79, 0.76), (0.68, 0.67, 0.64)
+"""Colors of the floor's tiles, 0.5 m x 0.5 m."""
 
 # The test ||C_obj - P|| < size/2 is strict, but points lie on the ball's surface, so sizes have a margin.
 _SIZE_MARGIN = 1.1
@@ -63,6 +79,16 @@ class Experiment(ScenePreset):
         return robot, Agent.human("human", self.human_pose, body=("person",))
 
 
+def _look_of(name: str, mesh: trimesh.Trimesh) -> Appearance:
+    """Return the appearance of an object: a color, and smooth shading except for boxes."""
+    if name == "floor":
+        tile = np.kron([[0, 1], [1, 0]], np.ones((32, 32), dtype=np.int64))
+        image = np.rint(255 * np.array(_TILES)[tile]).astype(np.uint8)
+        return Appearance((Material(texture=Texture(image)),), uv=mesh.vertices[:, :2])
+    is_round = name in ("ball", "person")
+    return Appearance((Material(base_color=(*_COLORS[name], 1.0)),), normals=mesh.vertex_normals if is_round else None)
+
+
 def _camera_pose(count: int) -> NDArray[np.float64]:
     eye = np.array([ROBOT_AT[0] + 0.03, ROBOT_AT[1], CAMERA_HEIGHT])
     pose = look_at(eye, eye + [np.cos(CAMERA_PITCH), 0.0, -np.sin(CAMERA_PITCH)])
@@ -85,12 +111,20 @@ def _experiment(
     states: tuple[State, State, State],
 ) -> Experiment:
     def add_objects(scene: Scene) -> None:
-        scene.add(shapes.floor(FLOOR_SIZE, FLOOR_SIZE), name="floor", label=Label.GROUND)
-        scene.add(shapes.standing_box(LOW_OBSTACLE, *low), name="low obstacle", label=Label.OBSTACLE)
-        scene.add(shapes.standing_box(HIGH_OBSTACLE, *high), name="high obstacle", label=Label.OBSTACLE)
-        scene.add(shapes.ball(BALL_DIAMETER, *ball), name="ball", label=Label.OBJECT)
-        scene.add(shapes.person(PERSON_HEIGHT, *person), name="person", label=Label.HUMAN)
-        scene.add(shapes.robot(CAMERA_HEIGHT, *ROBOT_AT), name="robot", label=Label.ROBOT)
+        for name, label, mesh in (
+            ("floor", Label.GROUND, shapes.floor(FLOOR_SIZE, FLOOR_SIZE)),
+            ("low obstacle", Label.OBSTACLE, shapes.standing_box(LOW_OBSTACLE, *low)),
+            ("high obstacle", Label.OBSTACLE, shapes.standing_box(HIGH_OBSTACLE, *high)),
+            ("ball", Label.OBJECT, shapes.ball(BALL_DIAMETER, *ball)),
+            ("person", Label.HUMAN, shapes.person(PERSON_HEIGHT, *person)),
+            ("robot", Label.ROBOT, shapes.robot(CAMERA_HEIGHT, *ROBOT_AT)),
+        ):
+            scene.add(mesh, name=name, label=label, appearance=_look_of(name, mesh))
+        scene.lights = [
+            Light("ambient", "room", ambient=(0.45,) * 3),
+            Light("directional", "lamp", direction=(0.5, 0.45, -1), color=(0.65,) * 3),
+        ]
+        scene.background = Background(color=(0.88, 0.90, 0.93))
 
     size = _SIZE_MARGIN * BALL_DIAMETER
     person_size = PERSON_HEIGHT / 3

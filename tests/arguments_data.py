@@ -7,7 +7,7 @@ from functools import partial
 import gymnasium as gym
 import mujoco
 import numpy as np
-from arguments_shared import CAMERA, DEPTH, MESSAGE, MODEL, MOVED, POSE, RENDERED, VIEW, rendered_once, scene
+from arguments_shared import CAMERA, COLOR, DEPTH, MESSAGE, MODEL, MOVED, POSE, RENDERED, VIEW, rendered_once, scene
 from gymnasium_environments import Cup, make_cup
 
 import warpvis as wv
@@ -28,11 +28,15 @@ def data_cases(folder):
         "camera": "front",
         "width": 8,
         "height": 6,
-        "outputs": ["depth"],
+        "outputs": ["depth", "rgbd"],
+        "channels": "first",
+        "depth_range": (0.5, 3.0),
         "objects": ["cup"],
         "segmentation": "body",
         "fill": "far",
         "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
+        "shadows": True,
+        "samples": 1,
         "scene_option": mujoco.MjvOption(),
         "device": "cpu",
     }
@@ -58,6 +62,8 @@ def data_cases(folder):
                 "device": "cpu",
                 "threads": 1,
                 "caster": "auto",
+                "shadows": True,
+                "samples": 1,
             },
         ),
         "FrameRenderer, sensor": (
@@ -81,7 +87,13 @@ def data_cases(folder):
         # warpvis.io
         "from_image_msg": (wv.io.from_image_msg, {"message": wv.io.to_image_msg(DEPTH, **MESSAGE)}),
         "to_image_msg": (wv.io.to_image_msg, {"depth": DEPTH, "encoding": "16UC1", **MESSAGE}),
-        "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, **MESSAGE}),
+        "from_color_msg": (wv.io.from_color_msg, {"message": wv.io.to_color_msg(COLOR, **MESSAGE)}),
+        "to_color_msg": (wv.io.to_color_msg, {"color": COLOR, "encoding": "bgr8", **MESSAGE}),
+        "to_compressed_msg": (
+            wv.io.to_compressed_msg,
+            {"color": COLOR, "compression": "jpeg", "quality": 90, **MESSAGE},
+        ),
+        "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, "colors": COLOR, **MESSAGE}),
         "to_occupancy_grid": (wv.io.to_occupancy_grid, {"grid": grid, "height": 0.0, **MESSAGE}),
         "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
@@ -112,6 +124,18 @@ def data_cases(folder):
         "gymnasium.DepthObservation.observation": (cup.observation, {"observation": {}}),
         "gymnasium.PoseObservation": (wrappers.PoseObservation, {"env": Cup()}),
         "gymnasium.PoseObservation.observation": (make_cup("PoseObservation").observation, {"observation": {}}),
+        "gymnasium.RenderFrames": (
+            wrappers.RenderFrames,
+            {
+                "env": Cup(),
+                "camera": "front",
+                "width": 8,
+                "height": 6,
+                "samples": 1,
+                "scene_option": None,
+                "threads": 1,
+            },
+        ),
         "gymnasium.VectorDepthObservation": (
             wrappers.VectorDepthObservation,
             {
@@ -131,12 +155,17 @@ def data_cases(folder):
                 "width": 8,
                 "outputs": ["depth"],
                 "geom_groups": (0,),
+                "site_groups": (0,),
                 "scene_option": None,
                 "movable": "all",
                 "resizable": ["ball"],
                 "cull_backfaces": True,
                 "near_plane": "clip",
                 "fill": "far",
+                "shadows": True,
+                "reflections": True,
+                "lighting": "vertex",
+                "samples": 1,
                 "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
                 "seed": 1,
                 "threads": 1,
@@ -150,6 +179,10 @@ def data_cases(folder):
         "BatchRenderer.render, sensor": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, sensor=wv.sensors.StereoDepth(0.05, sigma=0.1)).render,
             {"poses": data, "cameras": ["eye"], "frame": [2], "view_index": [7]},
+        ),
+        "BatchRenderer.element_ids": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).element_ids,
+            {"views": RENDERED, "out": None},
         ),
         "BatchRenderer.body_ids": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, outputs=["segmentation"]).body_ids,
@@ -184,10 +217,10 @@ def data_cases(folder):
                 "font_scale": None,
                 "cull_backfaces": True,
                 "near_plane": "clip",
+                "lighting": "pixel",
                 "fill": "far",
                 "sensor": sensor,
                 "seed": 1,
-                "fallback": False,
                 "threads": 1,
                 **model,
             },
@@ -208,6 +241,7 @@ def data_cases(folder):
             {"model": MODEL, "camera": "eye", "width": 8, "height": 6},
         ),
         "camera_poses": (wv.mujoco.camera_poses, {"source": data, "model": MODEL, "cameras": [0]}),
+        "lights_from_mujoco": (wv.mujoco.lights_from_mujoco, {"model": MODEL, "data": data}),
         "geom_poses": (wv.mujoco.geom_poses, {"source": data, "scene": mujoco_scene}),
         "read_model": (
             wv.mujoco.read_model,

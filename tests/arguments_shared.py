@@ -8,10 +8,12 @@ import trimesh
 from rosbags.typesys import Stores, get_typestore
 
 import warpvis as wv
+from warpvis.scene.world_appearances import WorldAppearances
 
 POSE = wv.look_at((0, 0, 0), (1, 0, 0))
 CAMERA = wv.Camera.from_fov(8, 6, hfov=1.0)
 DEPTH = np.ones((1, 6, 8), dtype=np.float32)
+COLOR = np.zeros((1, 6, 8, 3), dtype=np.uint8)
 WORLD = """#VRML_SIM R2023b utf8
 RangeFinder { translation -2 0 0 width 8 height 6 }
 Lidar { translation -2 0 0 numberOfLayers 1 horizontalResolution 8 }
@@ -57,6 +59,7 @@ SPACE = {"bounds": [[0, -1, -1], [2, 1, 1]], "up": "z", "threads": 1}
 VIEW = {"camera": CAMERA, "camera_to_world": POSE, "convention": "opencv"}
 WORLDS = {"object_poses": MOVED, "world_index": [0], "exclude": ["floor"]}
 SCALES = {"object_scales": [[1.0, 2.0, 0.5]]}
+LOOKS = {"appearances": WorldAppearances(backgrounds=[[0.1, 0.2, 0.3]])}
 RENDERED = wv.render(scene(), CAMERA, POSE, outputs=("depth", "points", "normals", "labels", "segmentation"))
 MESH = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 

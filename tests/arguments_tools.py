@@ -71,6 +71,13 @@ def tools_cases(folder):
             {"depth": DEPTH, "camera_to_world": POSE, "people": agents()[1:], "time": 1.0}
             | {"convention": "opencv", "quaternion": "xyzw"},
         ),
+        "DepthWatcher.lines_of_sight": (watcher.lines_of_sight, {"point": (1.0, 0.0, 0.2)}),
+        "DepthWatcher.turn_eyes": (watcher.turn_eyes, {"name": "human", "angles": (0.2, -0.1)}),
+        "line_of_sight": (
+            wv.visibility.line_of_sight,
+            {"scene": seen, "agent": agents()[0], "point": (1.0, 0.0, 0.2), "tolerance": 0.001}
+            | {"occupancy": None, "object_poses": MOVED},
+        ),
         "Watched.floor_map": (watched.floor_map, {"cell_size": 0.1, "max_range": 3.0}),
         # warpvis.viewer
         "WatchPage": (
@@ -103,6 +110,10 @@ def tools_cases(folder):
         "ViewerState.set_sensor": (state.set_sensor, {"sensor": None}),
         "ViewerState.move_object": (state.move_object, {"name": "cart", "pose": MOVED[0], "quaternion": "xyzw"}),
         "ViewerState.object_pose": (state.object_pose, {"name": "cart"}),
+        "ViewerState.pick": (state.pick, {"point": (1.0, 0.0, 0.2)}),
+        "ViewerState.pick_along": (state.pick_along, {"origin": (0, 0, 0), "direction": (1, 0, 0)}),
+        "ViewerState.turn_eyes": (state.turn_eyes, {"name": "human", "right": 0.2, "up": -0.1}),
+        "ViewerState.release_eyes": (state.release_eyes, {"name": "human"}),
         # warpvis.planning
         "BestViews.pose": (best.pose, {"rank": 0}),
         "Coverage.best": (covered.best, {"count": 1}),
@@ -303,6 +314,7 @@ def tools_cases(folder):
                 "far": 9.0,
                 "outputs": ["depth"],
                 "cull_backfaces": False,
+                "shadows": True,
                 "convention": "opencv",
                 "threads": 1,
                 **WORLDS,
@@ -394,6 +406,7 @@ def tools_cases(folder):
             wv.viz.save_contact_sheet,
             {"depth": RENDERED.depth.numpy(), "names": ["h"], "path": path / "h.png", "depth_range": (0.0, 4.0)},
         ),
+        "agent_colors": (wv.viz.agent_colors, {"count": 3}),
         "depth_colors": (wv.viz.depth_colors, {"depth": RENDERED.depth.numpy(), "depth_range": (0.0, 4.0)}),
         "view_from_outside": (
             wv.viz.view_from_outside,
@@ -464,6 +477,17 @@ def tools_cases(folder):
             },
         ),
         "recognize": (wv.webots.recognize, {"world": world, "camera_name": "camera", "threads": 1}),
+        "render_color": (
+            wv.webots.render_color,
+            {
+                "world": world,
+                "device_name": "camera",
+                "exclude_body": False,
+                "shadows": True,
+                "samples": 1,
+                "threads": 1,
+            },
+        ),
         "render_lidar": (
             wv.webots.render_lidar,
             {
@@ -486,6 +510,7 @@ def tools_cases(folder):
                 "threads": 1,
             },
         ),
+        "robot_agent": (wv.webots.robot_agent, {"world": world, "device_name": "range-finder", "name": "robot"}),
         "segmentation_image": (
             wv.webots.segmentation_image,
             {"world": world, "camera_name": "camera", "threads": 1},

@@ -9,6 +9,7 @@ import numpy as np
 from arguments_shared import (
     CAMERA,
     DEPTH,
+    LOOKS,
     MESH,
     MESSAGE,
     MOVED,
@@ -24,6 +25,7 @@ from arguments_shared import (
 )
 
 import warpvis as wv
+from warpvis.scene.lights import AmbientOcclusion
 
 RAW_INFO = types.SimpleNamespace(
     width=8, height=6, k=[9, 0, 4, 0, 9, 3, 0, 0, 1], d=[0.01, 0, 0, 0, 0], distortion_model="plumb_bob"
@@ -193,11 +195,19 @@ def top_cases(folder):
         ),
         "Renderer.render": (
             wv.Renderer(seen, CAMERA).render,
-            {"camera_to_world": POSE, "convention": "opencv", "out": None, **WORLDS, **SCALES},
+            {"camera_to_world": POSE, "convention": "opencv", "out": None, **WORLDS, **SCALES, **LOOKS},
         ),
         "Renderer.render_at": (
             wv.Renderer(seen, CAMERA).render_at,
-            {"camera_to_world": POSE, "pixels": [[[1, 1]]], "convention": "opencv", "out": None, **WORLDS, **SCALES},
+            {
+                "camera_to_world": POSE,
+                "pixels": [[[1, 1]]],
+                "convention": "opencv",
+                "out": None,
+                **WORLDS,
+                **SCALES,
+                **LOOKS,
+            },
         ),
         "Scene": (
             wv.Scene,
@@ -231,7 +241,11 @@ def top_cases(folder):
         ),
         "Scene.update_vertices": (
             lambda **given: scene().update_vertices(**given),
-            {"name": "cart", "vertices": np.zeros((8, 3))},
+            {"name": "cart", "vertices": np.zeros((8, 3)), "normals": np.ones((8, 3))},
+        ),
+        "Scene.set_appearance": (
+            lambda **given: scene().set_appearance(**given),
+            {"name": "box", "appearance": (1.0, 0.5, 0.0)},
         ),
         "Scene.update_mesh": (
             lambda **given: scene().update_mesh(**given),
@@ -451,10 +465,16 @@ def top_cases(folder):
                 **VIEW,
                 **WORLDS,
                 **SCALES,
+                **LOOKS,
                 "outputs": "depth",
                 "caster": "auto",
                 "cull_backfaces": False,
                 "fill": "inf",
+                "shadows": True,
+                "reflections": True,
+                "lighting": "pixel",
+                "ambient_occlusion": AmbientOcclusion(0.5),
+                "samples": 1,
                 "threads": 1,
                 "device_bytes": 1,
                 "out": None,
@@ -478,6 +498,8 @@ def top_cases(folder):
                 "device": "cpu",
                 "threads": 1,
                 "caster": "auto",
+                "shadows": True,
+                "samples": 1,
                 "engine": "local",
                 "workers": None,
                 "address": None,

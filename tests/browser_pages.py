@@ -5,6 +5,7 @@
 import contextlib
 import os
 import shutil
+import time
 from pathlib import Path
 
 import numpy as np
@@ -49,22 +50,92 @@ def chromium():
 
 
 @contextlib.contextmanager
-def opened(browser, url, size=DESKTOP):
-    """Yield a page that has drawn something; `page.problems` lists its errors."""
+def opened(browser, url, size=DESKTOP, *, drawn=True):
+    """Yield a page, by default one that has drawn something; `page.problems` lists its errors."""
     width, height = size
     page = browser.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(_READY_MS)
     page.problems, page.requests = [], []
     page.on("pageerror", lambda error: page.problems.append(str(error)))
+    page.on("console", lambda message: message.type == "error" and page.problems.append(message.text))
     page.on("request", lambda request: page.requests.append(request.url))
     page.add_init_script(_COUNT_DRAWS)
     try:
         page.goto(url)
-        page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
+        if drawn:
+            page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
         with contextlib.suppress(Exception):  # ignore the notification that WebGL is software
             page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
         yield page
     finally:
         page.close()  # a page left open would keep drawing
+
+
+def holds_within(page, condition, seconds=60):
+    """Return whether a condition holds before the time is over: software WebGL may need seconds for each picture."""
+    deadline = time.monotonic() + seconds
+    while not condition() and time.monotonic() < deadline:
+        page.wait_for_timeout(100)
+    return condition()
+
+
+def project(camera, points, size):
+    """Return where the page shows world points [px], for a canvas of this size."""
+    from viser.transforms import SO3
+
+    width, height = size
+    inside = (np.asarray(points) - camera.position) @ SO3(np.asarray(camera.wxyz)).as_matrix()
+    focal = height / 2 / np.tan(camera.fov / 2)
+    return np.array([width / 2, height / 2]) + focal * inside[..., :2] / inside[..., 2:]
+
+
+def wait_for_camera(page, client):
+    """Wait until the browser's camera stands still where the server knows it: the first view is set twice."""
+    own = "(() => { const c = window.__viserMutable?.camera; return c ? [...c.matrixWorld.elements, c.fov] : null; })()"
+    before = None
+
+    def is_still():
+        nonlocal before
+        last, before = before, (page.evaluate(own), client.camera.update_timestamp, client.camera.fov)
+        if before[0] is None or before != last:
+            return False
+        # The browser's world is turned, which keeps the distance from the origin.
+        same_place = np.isclose(np.linalg.norm(before[0][12:15]), np.linalg.norm(client.camera.position), rtol=1e-4)
+        return bool(same_place and np.isclose(before[0][-1], np.degrees(client.camera.fov)))
+
+    assert holds_within(page, is_still), f"the camera moves: {before}"
+
+
+def click(page, place):
+    """Click at a place [px] as a user does, with time between the press and the release."""
+    page.mouse.move(*place)
+    page.wait_for_timeout(100)
+    page.mouse.down()
+    page.wait_for_timeout(100)
+    page.mouse.up()
+
+
+def panel_box(page):
+    """Return the borders of the panel of a live page: left, top, right, bottom [px]."""
+    return page.evaluate(
+        """() => {
+          const divs = [...document.querySelectorAll("div")];
+          let node = divs.find((div) => div.childElementCount === 0 && div.textContent === "warpvis");
+          while (node.parentElement.getBoundingClientRect().width < 350) node = node.parentElement;
+          const box = node.getBoundingClientRect();
+          return [box.left, box.top, box.right, box.bottom];
+        }"""
+    )
+
+
+def is_beside_panel(page, server, points, size):
+    """Return whether the only browser of a server shows all points on its canvas, above or to the left of the panel."""
+    (client,) = server.get_clients().values()
+    pixels = project(client.camera, points, size)
+    left, top, _, _ = panel_box(page)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    on_canvas = (low >= 0).all() and (high <= size).all()
+    return bool(on_canvas and (high[0] <= left or high[1] <= top))
 
 
 def drawn_points(page):

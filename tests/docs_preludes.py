@@ -64,6 +64,8 @@ def prepare(page, folder):
 
 def _appearance(folder):
     box = trimesh.creation.box()
+    header = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n"
+    (folder / "field.hdr").write_bytes(header + bytes([90, 120, 200, 128]) * 8)
     arrays = {"rows": [0] * 12, "uv": np.zeros((12, 3, 2)), "points": np.zeros((4, 3))}
     seen = {"camera": wv.Camera.from_fov(16, 12, hfov=1.0), "camera_to_world": wv.look_at((3, 3, 3), (0, 0, 0))}
     return {"mesh": box, "cup": box, "table": box, "crate": box, **arrays, **seen}

@@ -46,9 +46,9 @@ class GltfWriter:
         self.content["nodes"].append(more)
         return len(self.content["nodes"]) - 1
 
-    def bytes(self, roots=None):
+    def bytes(self, roots=None, **scene):
         roots = list(range(len(self.content["nodes"]))) if roots is None else roots
-        content = {"buffers": [{"byteLength": len(self.data)}], **self.content, "scenes": [{"nodes": roots}]}
+        content = {"buffers": [{"byteLength": len(self.data)}], **self.content, "scenes": [{"nodes": roots, **scene}]}
         text = json.dumps(content).encode()
         text += b" " * (-len(text) % 4)
         data = self.data + b"\0" * (-len(self.data) % 4)

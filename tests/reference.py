@@ -51,10 +51,11 @@ from reference_classify import (  # noqa: F401
     pixel_rays,
 )
 from reference_clearance import find_free_poses, nearest_surface  # noqa: F401
-from reference_coinciding import show_later  # noqa: F401
+from reference_coinciding import show_later, show_later_rows  # noqa: F401
 from reference_comparison import compare_depth  # noqa: F401
 from reference_corruptions import corrupt_depth, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
+from reference_edges import average_samples, list_edges, place_samples  # noqa: F401
 from reference_fattening import fatten_surfaces, find_nearest_in_rows  # noqa: F401
 from reference_floor_map import finish_map, mark_cells  # noqa: F401
 from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
@@ -65,7 +66,24 @@ from reference_kinect_noise import (  # noqa: F401
     measure_nguyen,
 )
 from reference_latency import delay_images  # noqa: F401
+from reference_layers import (  # noqa: F401
+    blend_layer,
+    blend_layer_rows,
+    cast_layer,
+    cast_layer_rows,
+    find_opacity,
+    find_transparent_rows,
+    list_transparent_rows,
+)
 from reference_lines import hide_pixels, judge_lines, judge_unknown, render_map  # noqa: F401
+from reference_mirrors import (  # noqa: F401
+    add_mirror_image,
+    cast_beyond_mirror,
+    flip_points,
+    hide_unmirrored,
+    mirror_lights,
+    mirror_views,
+)
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,
@@ -73,9 +91,11 @@ from reference_mujoco import (  # noqa: F401
     geom_transforms,
     geoms_of_objects,
     hidden_objects,
+    pairs_of_objects,
     scale_sizes,
     viewer_transforms,
 )
+from reference_mujoco_appearances import light_switches, light_vectors, object_colors  # noqa: F401
 from reference_occupancy import (  # noqa: F401
     bound_surface,
     bound_tiles,
@@ -84,14 +104,15 @@ from reference_occupancy import (  # noqa: F401
     judge_blocks,
     list_blocks,
     mark_points,
+    merge_tiles,
     rectify_depth,
     release_blocks,
-    summarize_blocks,
     update_voxels,
     write_states,
     write_states_at,
 )
 from reference_orthographic import cast_parallel_rays, show_later_from_plane  # noqa: F401
+from reference_pbr import shade_pbr_colors, shade_pbr_rows  # noqa: F401
 from reference_point_order import count_points, measure_blocks, sort_points  # noqa: F401
 from reference_points import (  # noqa: F401
     camera_frames,
@@ -105,7 +126,22 @@ from reference_random import draw_normals, draw_uniforms  # noqa: F401
 from reference_rangefinders import read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_redwood import measure_redwood  # noqa: F401
-from reference_shading import shade_base_colors, shade_lit_colors  # noqa: F401
+from reference_shading import (  # noqa: F401
+    find_planes,
+    shade_base_colors,
+    shade_color_rows,
+    shade_lit_colors,
+    write_entries,
+    write_lights,
+)
+from reference_shadows import (  # noqa: F401
+    cast_occlusion_packets,
+    cast_occlusion_rays,
+    cast_shadow_packets,
+    cast_shadow_rays,
+    cast_soft_shadow_packets,
+    cast_soft_shadow_rays,
+)
 from reference_silhouettes import (  # noqa: F401
     judge_silhouettes,
     measure_silhouettes,
@@ -114,11 +150,13 @@ from reference_silhouettes import (  # noqa: F401
     spread_poses,
 )
 from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # noqa: F401
+from reference_sky import paint_sky, paint_sky_rows  # noqa: F401
 from reference_stereo import (  # noqa: F401
     measure_stereo,
     place_in_other_eyes,
     place_other_eyes,
 )
+from reference_tendons import tendon_arcs, tendon_capsules  # noqa: F401
 from reference_time_of_flight import (  # noqa: F401
     find_axes,
     find_edges,
@@ -140,6 +178,7 @@ from reference_trees import (  # noqa: F401
     split_cost,
     split_range,
 )
+from reference_vertex_lighting import shade_vertex_color_rows, shade_vertex_lit_colors  # noqa: F401
 from reference_voxels import (  # noqa: F401
     highest_labels,
     judge_voxels,

@@ -120,3 +120,6 @@ def _on_solid(item: SceneObject, points: NDArray, rays: NDArray, reach: NDArray,
     slope = np.stack([(outside(points + d) - outside(points - d)) / (2 * step) for d in step * np.eye(3)], axis=1)
     near = np.abs(outside(points)) <= reach * np.linalg.norm(slope, axis=1)
     return near & (np.einsum("nk,nk->n", slope, rays) < 0) if cull else near
+
+
+show_later_rows = show_later  # on CPU cores

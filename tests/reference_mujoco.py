@@ -76,3 +76,7 @@ def geom_sizes(
 
 def geoms_of_objects(objects: NDArray, geom_ids: NDArray) -> NDArray[np.int32]:
     return np.where(objects < 0, -1, np.asarray(geom_ids)[objects]).astype(np.int32)
+
+
+def pairs_of_objects(objects: NDArray, pairs: NDArray) -> NDArray[np.int32]:
+    return np.where(np.asarray(objects)[:, None] < 0, -1, np.asarray(pairs)[objects]).astype(np.int32)

@@ -142,6 +142,6 @@ def update_voxels(dense: DenseMap, *image, **options) -> None:
 
 
 # Blocks save time and memory, but the result is that of updating every voxel.
-bound_tiles = judge_blocks = list_blocks = fill_blocks = mark_points = update_voxels
-summarize_blocks = release_blocks = update_voxels
+bound_tiles = merge_tiles = judge_blocks = list_blocks = fill_blocks = mark_points = update_voxels
+release_blocks = update_voxels
 write_states_at = write_states

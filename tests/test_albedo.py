@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Output "albedo": base colors of materials, vertices, faces and textures against a double-precision reference."""
 
+import itertools
+
 import numpy as np
 import pytest
 import reference_shading
@@ -13,7 +15,7 @@ from warpvis.cameras.orthographic import OrthographicCamera
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import CameraError
 from warpvis.scene import solids
-from warpvis.scene._device_materials import mip_levels
+from warpvis.scene._mip_levels import mip_levels
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.sensors import Motion
 
@@ -128,6 +130,27 @@ def test_colors_of_solids_and_of_objects_without_appearance(device):
     assert (albedo[seg < 0] == 0).all() and (seg < 0).any()
 
 
+@pytest.mark.parametrize("space", ["srgb", "linear"])
+def test_solids_show_the_mean_color_of_a_texture_with_coordinates(space, device):
+    ball, texture = solids.sphere(0.5), Texture(np.uint8([[[255, 40, 0], [55, 40, 0]]] * 2).repeat(8, axis=1))
+    mapped = Appearance(
+        (Material(base_color=(0.5, 1, 1), texture=texture, color_space=space),), uv=uv_of(ball.faces, 0)
+    )
+    scene = wv.Scene(device=device)
+    scene.add(ball, name="mapped", movable=True, appearance=mapped)
+    scene.add(ball, name="bare", pose=(0, 3, 0, 0, 0, 0, 1), movable=True, appearance=mapped.materials[0])
+    views = wv.render(scene, CAMERA, wv.look_at((4, 1.5, 0.5), (0, 1.5, 0)), outputs=("albedo", "segmentation"))
+    albedo, seg = views.albedo.numpy().astype(int), views.segmentation.numpy()
+    red, half = np.array([255, 55]) / 255, np.array(0.5)
+    if space == "srgb":
+        red = red.mean() / 2
+    else:
+        red = reference_shading.to_screen(reference_shading.to_linear(red).mean() / 2)
+        half = reference_shading.to_screen(half)
+    assert (seg == 0).any() and np.abs(albedo[seg == 0] - [255 * red, 40, 0]).max() <= 2
+    assert (seg == 1).any() and np.abs(albedo[seg == 1] - [255 * half, 255, 255]).max() <= 1
+
+
 def test_albedo_does_not_change_other_outputs(device):
     scene = wv.scenes.PRESETS["room"].build(device)
     pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
@@ -202,11 +225,25 @@ def test_updated_vertices_keep_their_colors(device):
         assert (np.abs(renderer.render(POSE).albedo.numpy() - expected) > 1).mean() < 0.01
 
 
-def test_mip_levels_are_means():
-    image = np.random.default_rng(0).integers(0, 256, (10, 7, 3), dtype=np.uint8)
-    levels = mip_levels(image)
-    for level, twin in zip(levels, reference_shading.levels_of(image), strict=True):
-        np.testing.assert_array_equal(level, twin)
+@pytest.mark.parametrize("is_encoded", [False, True])
+@pytest.mark.parametrize("size", [(16, 8), (10, 7), (1, 5), (301, 3)])
+def test_mip_levels_interpolate_linearly(size, is_encoded):
+    image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
+    levels = mip_levels(image, is_encoded=is_encoded)
+    assert [level.shape[:2] for level in levels[:2]] == [size, (max(size[0] // 2, 1), max(size[1] // 2, 1))]
+    for finer, level in itertools.pairwise(levels):  # of rounded levels, as in the tables
+        np.testing.assert_allclose(level, reference_shading.levels_of(finer, is_encoded)[1], rtol=0, atol=1)
+        assert (level == reference_shading.levels_of(finer, is_encoded)[1]).mean() > 0.98
+
+
+def test_last_texel_of_odd_image_is_in_next_level():
+    """Mesa's `glGenerateMipmap` of the same image."""
+    image = np.array([10, 20, 30, 40, 250], dtype=np.uint8)[None, :, None].repeat(3, axis=2)
+    level = mip_levels(image)[1]
+    assert level[0, :, 0].tolist() == [18, 93]  # at 0.75 and 3.25 from the first texel
+
+
+def test_mip_levels_of_cube_sides_are_separate():
     cube = np.random.default_rng(0).integers(0, 256, (6 * 8, 8, 3), dtype=np.uint8)
     for side in range(6):
         alone = mip_levels(cube[8 * side : 8 * side + 8])

@@ -312,7 +312,7 @@ Solid { name "two" children [
   Shape { appearance DEF A Appearance { material Material { diffuseColor 0 0 1 specularColor 1 0 0 } }
           geometry Plane {} }
   Shape { geometry Plane {} } ] }
-Solid { name "none" children [ Shape { appearance Parquetry {} geometry Plane {} } ] }
+Solid { name "none" children [ Shape { appearance Unknown {} geometry Plane {} } ] }
 Solid { name "bad" children [ Shape { appearance PBRAppearance { baseColor "red" } geometry Plane {} } ] }
 """
 
@@ -330,5 +330,6 @@ def test_webots_base_colors(tmp_path):
     assert white.base_color == (1, 1, 1, 1)
     planes = (len(found.face_materials) - 12) // 2
     assert found.face_materials.tolist() == [0] * 12 + [1] * planes + [2] * planes
-    assert scene["none"].appearance is None
+    with pytest.warns(UserWarning, match="used white for Unknown, whose file was not found"):
+        assert scene["none"].appearance is None
     assert scene["bad"].appearance is None

@@ -211,7 +211,7 @@ BAD = {
     "no output": ({"outputs": []}, "outputs must be some of .*, got none"),
     "unfit output": (
         {"format": "tum", "outputs": ["labels"]},
-        "outputs must be from depth for format 'tum', got 'labels'",
+        "outputs must be from color, depth for format 'tum', got 'labels'",
     ),
     "option": ({"options": {"speed": 3}}, "format 'npz' has no option 'speed'; its options: none"),
     "shards": ({"shard_frames": 0}, "shard_frames must be a whole number from 1 up, got 0"),

@@ -411,7 +411,7 @@ def test_world_index_selects_object_poses(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"outputs": ("depth",)}, "outputs must be depth and visibility for format 'bop', got only depth"),
+        ({"outputs": ("depth",)}, "outputs must include depth and visibility for format 'bop', got only depth"),
         (
             {"chosen": ()},
             "Assign that label with labels= or choose objects with objects= to",

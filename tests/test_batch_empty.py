@@ -15,6 +15,8 @@ from batch_jobs import CAMERA, make_frames, make_scene, run
 import warpvis as wv
 from warpvis.cli import Batch, Render
 
+from support.recorded_warnings import recorded_warnings
+
 ALL_OUTPUTS = ("depth", "points", "normals", "labels", "segmentation")
 
 
@@ -27,8 +29,7 @@ def away(frames, which):
 
 def messages(call):
     """Return the warnings and the result of a call."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with recorded_warnings() as caught:
         result = call()
     return [str(item.message) for item in caught], result
 

@@ -21,15 +21,16 @@ from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import Crew
 from warpvis.io import depth_to_units, encode_png, load_camera, read_frames
+from warpvis.scene.lights import Light
 
 # Asymmetric: an offset of half a pixel or swapped axes shift points by centimeters at the scene's distances.
 CAMERA = wv.Camera(48, 36, fx=50.0, fy=47.0, cx=22.3, cy=19.1, near=0.5, far=6.0)
 OUTPUTS = {
-    "png": ("depth", "labels", "segmentation"),
-    "tum": ("depth",),
-    "nerfstudio": ("depth", "labels"),
-    "colmap": ("depth", "normals"),
-    "ply": ("points", "normals", "labels", "segmentation"),
+    "png": ("depth", "labels", "segmentation", "color", "albedo"),
+    "tum": ("color", "depth"),
+    "nerfstudio": ("color", "depth", "labels"),
+    "colmap": ("color", "depth", "normals"),
+    "ply": ("points", "normals", "color", "labels", "segmentation"),
 }
 FRAMES = 5
 SHARD_FRAMES = 2
@@ -40,14 +41,15 @@ def make_scene(up="z"):
     """Return a floor, a ball and a box."""
     scene = wv.Scene(up=up)
     turn = np.eye(4) if up == "z" else np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
-    for name, label, mesh, height in (
-        ("floor", "ground", trimesh.creation.box(extents=(6, 6, 0.1)), -0.05),
-        ("ball", "object", trimesh.creation.icosphere(subdivisions=2, radius=0.4), 0.4),
-        ("box", "obstacle", trimesh.creation.box(extents=(0.4, 0.5, 1.2)), 0.6),
+    for name, label, mesh, height, color in (
+        ("floor", "ground", trimesh.creation.box(extents=(6, 6, 0.1)), -0.05, (0.8, 0.7, 0.5)),
+        ("ball", "object", trimesh.creation.icosphere(subdivisions=2, radius=0.4), 0.4, (0.9, 0.1, 0.2)),
+        ("box", "obstacle", trimesh.creation.box(extents=(0.4, 0.5, 1.2)), 0.6, (0.1, 0.4, 0.8)),
     ):
         mesh.apply_translation((0.8 if name == "ball" else -0.6 if name == "box" else 0, 0.1, height))
         mesh.apply_transform(turn)
-        scene.add(mesh, name=name, label=label)
+        scene.add(mesh, name=name, label=label, appearance=color)
+    scene.lights = Light("headlight", ambient=(0.3, 0.3, 0.3))
     return scene
 
 
@@ -69,10 +71,9 @@ def rendered():
 
     def render(up):
         scene, poses = make_scene(up), make_poses(up)
-        views = wv.render(scene, CAMERA, poses, outputs=("depth", "points", "normals", "labels", "segmentation"))
-        images = {
-            name: getattr(views, name).numpy() for name in ("depth", "points", "normals", "labels", "segmentation")
-        }
+        names = ("depth", "points", "normals", "labels", "segmentation", "color", "albedo")
+        views = wv.render(scene, CAMERA, poses, outputs=names)
+        images = {name: getattr(views, name).numpy() for name in names}
         return scene, poses, images
 
     return {up: render(up) for up in "zy"}
@@ -105,7 +106,7 @@ def write(folder, rendered, kind, *, up="z", threads=None, **changes):
     for shard in range(plan.shard_count):
         images = {name: image[plan.shard_slice(shard)] for name, image in rendered[up][2].items()}
         units += layout.write_shard(shard, {name: images[name] for name in plan.outputs}, files)
-    units += layout.index(files)
+    units += layout.index(files) + layout.write_models(files, rendered[up][0])
     assert len(units) == len(set(units))
     written = [path.relative_to(folder) for path in folder.rglob("*") if path.is_file()]
     assert written
@@ -274,7 +275,10 @@ def test_nerfstudio_points_equal_the_rendered_points(tmp_path, rendered, up):
         assert np.median(seen_error(nerfstudio_points(tmp_path, frame, pixel_center=0), points)) > 5 * MILLIMETER
         floor = images["segmentation"][frame] == 0
         assert np.abs(nerfstudio_points(tmp_path, frame)[floor][:, 2]).max(initial=0) < 0.101  # horizontal floor
-        mode, labels = read_image(tmp_path / meta["frames"][frame]["file_path"])
+        mode, color = read_image(tmp_path / meta["frames"][frame]["file_path"])
+        assert mode == "RGB"
+        np.testing.assert_array_equal(color, images["color"][frame])
+        mode, labels = read_image(tmp_path / "labels" / frame_file(frame, ".png"))
         assert mode == "L"
         np.testing.assert_array_equal(labels, images["labels"][frame])
 
@@ -290,20 +294,21 @@ def test_nerfstudio_worlds_do_not_depend_on_the_up_axis(tmp_path, rendered):
         np.testing.assert_allclose(z_up, y_up, atol=1e-12)
 
 
-def test_nerfstudio_without_labels_refers_to_depth(tmp_path, rendered):
-    write(tmp_path, rendered, "nerfstudio", outputs=("depth",))
+@pytest.mark.parametrize("options", [{}, {"color": "jpeg"}])
+def test_nerfstudio_frames_refer_to_color_images_only(tmp_path, rendered, options):
+    write(tmp_path, rendered, "nerfstudio", outputs=("color",), options=options)
     frames = json.loads((tmp_path / "transforms.json").read_text())["frames"]
-    assert [frame["file_path"] for frame in frames] == [f"depth/{frame_file(i, '.png')}" for i in range(FRAMES)]
+    suffix = ".jpg" if options else ".png"
+    assert [frame["file_path"] for frame in frames] == [f"images/{frame_file(i, suffix)}" for i in range(FRAMES)]
     assert sorted(frame["file_path"] for frame in frames) == [frame["file_path"] for frame in frames]
-    write(tmp_path / "labels", rendered, "nerfstudio", outputs=("labels",))
-    frames = json.loads((tmp_path / "labels" / "transforms.json").read_text())["frames"]
     assert "depth_file_path" not in frames[0]
+    assert all(read_image(tmp_path / frame["file_path"])[0] == "RGB" for frame in frames)
 
 
 def test_pycolmap_reads_colmap(tmp_path, rendered):
     import pycolmap
 
-    write(tmp_path, rendered, "colmap")
+    write(tmp_path, rendered, "colmap", options={"sparse_points": 0})
     model = pycolmap.Reconstruction()
     model.read_text(str(tmp_path / "sparse"))
     assert (model.num_images(), model.num_cameras(), model.num_points3D()) == (FRAMES, 1, 0)
@@ -345,8 +350,11 @@ def test_trimesh_reads_ply(tmp_path, rendered):
         seen = np.isfinite(images["depth"][frame])
         np.testing.assert_array_equal(np.float32(cloud.vertices), images["points"][frame][seen])
         data = cloud.metadata["_ply_raw"]["vertex"]["data"]
-        assert data.dtype.names == ("x", "y", "z", "nx", "ny", "nz", "label", "object")
-        assert [data.dtype[name].str for name in ("x", "nz", "label", "object")] == ["<f4", "<f4", "|u1", "<i4"]
+        assert data.dtype.names == ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label", "object")
+        assert [data.dtype[name].str for name in ("x", "nz", "red", "label", "object")] == [
+            "<f4", "<f4", "|u1", "|u1", "<i4"
+        ]  # fmt: skip
+        np.testing.assert_array_equal(cloud.colors[:, :3], images["color"][frame][seen])
         normals = np.stack([data["nx"], data["ny"], data["nz"]], axis=-1).reshape(-1, 3)
         np.testing.assert_array_equal(normals, images["normals"][frame][seen])
         np.testing.assert_array_equal(data["label"].ravel(), images["labels"][frame][seen])
@@ -427,31 +435,65 @@ BAD_PLANS = {
     "png normals": (
         "png",
         {"outputs": ("depth", "normals")},
-        "depth, labels, reasons, segmentation, true_depth for format 'png', got normals",
+        "albedo, color, depth, labels, reasons, segmentation, true_depth for format 'png', got normals",
     ),
     "png nothing": (
         "png",
         {"outputs": ()},
-        "depth, labels, reasons, segmentation, true_depth for format 'png', got none",
+        "albedo, color, depth, labels, reasons, segmentation, true_depth for format 'png', got none",
     ),
-    "tum labels": ("tum", {"outputs": ("depth", "labels")}, "outputs must be from depth for format 'tum', got labels"),
+    "tum labels": (
+        "tum",
+        {"outputs": ("depth", "labels")},
+        "outputs must be from color, depth for format 'tum', got labels",
+    ),
     "ply depth": (
         "ply",
         {"outputs": ("depth",)},
-        "labels, normals, points, segmentation for format 'ply', got depth",
+        "color, labels, normals, points, segmentation for format 'ply', got depth",
     ),
     "ply pointless": ("ply", {"outputs": ("labels",)}, "outputs must include points for format 'ply', got labels"),
     "colmap objects": (
         "colmap",
         {"outputs": ("segmentation",)},
-        "outputs must be from depth, normals for format 'colmap', got segmentation",
+        "outputs must be from color, depth, normals for format 'colmap', got segmentation",
     ),
     "nerfstudio points": (
         "nerfstudio",
         {"outputs": ("points",)},
-        "outputs must be from depth, labels for format 'nerfstudio', got points",
+        "outputs must be from color, depth, labels for format 'nerfstudio', got points",
     ),
-    "unknown option": ("tum", {"options": {"scale": 1}}, "format 'tum' has no option 'scale'; its options: none"),
+    "nerfstudio colorless": (
+        "nerfstudio",
+        {"outputs": ("depth", "labels")},
+        "outputs must include color for format 'nerfstudio', which trains on color images, got depth, labels. Use",
+    ),
+    "unknown option": ("tum", {"options": {"scale": 1}}, "format 'tum' has no option 'scale'; its options: color=png"),
+    "color file": ("tum", {"options": {"color": "gif"}}, "option color must be png, jpeg or webp for 'tum', got 'gif'"),
+    "bop webp": (
+        "bop",
+        {
+            "outputs": ("color", "depth", "visibility"),
+            "options": {"color": "webp"},
+        },
+        "option color must be png or jpeg for 'bop', got 'webp'",
+    ),
+    "color of depth": (
+        "tum",
+        {"outputs": ("depth",), "options": {"color": "jpeg"}},
+        "option color requires the output color, got depth",
+    ),
+    "quality of png": ("tum", {"options": {"quality": 90}}, "quality must be given only with color=jpeg or color=webp"),
+    "high quality": (
+        "tum",
+        {"options": {"color": "jpeg", "quality": 101}},
+        "option quality must be a whole number from 1 to 100, got 101",
+    ),
+    "worded quality": (
+        "colmap",
+        {"options": {"color": "webp", "quality": "best"}},
+        "option quality must be a whole number from 1 to 100, got 'best'",
+    ),
     "negative scale": ("png", {"options": {"scale": -1}}, "option scale must be a positive number, got -1"),
     "worded scale": ("png", {"options": {"scale": "mm"}}, "option scale must be a positive number, got 'mm'"),
     "no scale": ("png", {"options": {"scale": None}}, "option scale must be a positive number, got None"),

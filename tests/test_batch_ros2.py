@@ -227,7 +227,7 @@ def test_read_frames_returns_the_poses(bags):
     ("changes", "message"),
     [
         ({"outputs": ("points",)}, "outputs must include depth for format 'ros2', got points"),
-        ({"outputs": ("depth", "labels")}, "outputs must be from depth, points for format 'ros2', got labels"),
+        ({"outputs": ("depth", "labels")}, "outputs must be from color, depth, points for format 'ros2', got labels"),
         ({"rate": 30}, "format 'ros2' has no option 'rate'; its options: frame_id=camera_depth_optical_frame"),
         ({"frame_id": ""}, "option frame_id must be a name without spaces, got ''"),
         ({"topic": "/"}, "option topic must be a name without spaces, got '/'"),

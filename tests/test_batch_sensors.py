@@ -162,7 +162,7 @@ def test_zarr_and_png_contain_reasons(tmp_path, whole):
 def test_lost_pixels_in_each_format(tmp_path, whole, format):
     """Lost pixels are 0 in the files and +inf when read back; none is counted as out of range."""
     kept = wv.open_dataset(whole)["depth"][:]
-    usual = {"bop": ("depth", "visibility")}.get(format, ("depth",))
+    usual = {"bop": ("depth", "visibility"), "nerfstudio": ("depth", "color")}.get(format, ("depth",))
     summary = run(tmp_path / "out", format=format, sensor=STEREO, seed=5, outputs=usual)
     assert not summary.warnings
     depth = wv.open_dataset(tmp_path / "out")["depth"][:]

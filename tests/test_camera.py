@@ -13,6 +13,8 @@ from hypothesis import assume, given, strategies as st
 import warpvis as wv
 from warpvis import Camera, FieldOfView
 
+from support.recorded_warnings import recorded_warnings
+
 fields = st.floats(0.05, 3.0)
 sizes = st.integers(1, 4000)
 
@@ -88,7 +90,7 @@ def test_points_behind_the_camera_project_to_nan():
     ],
 )
 def test_suspicious_intrinsics_warn_once(intrinsics, said):
-    with pytest.warns(wv.errors.IntrinsicsWarning, match=said) as caught:
+    with recorded_warnings(said, wv.errors.IntrinsicsWarning) as caught:
         camera = Camera(640, 480, *intrinsics)
     assert len(caught) == 1 and caught[0].filename == __file__
     with warnings.catch_warnings():
@@ -121,6 +123,20 @@ def test_intrinsics_of_small_and_cropped_images_are_accepted():
         Camera(2, 2, 1.0, 1.0, 1.0, 1.0)  # 90 degrees
         Camera.from_K([[600, 0, 0], [0, 600, 0], [0, 0, 1]], 640, 480)  # the quarter of a larger image
         Camera.from_K([[40, 0, 0.5], [0, 40, 0.5], [0, 0, 1]], 640, 480)
+
+
+@pytest.mark.parametrize("fov", [0.3, math.pi / 2, 2.9, 3.0])
+def test_images_of_few_pixels_are_accepted(fov):
+    """Their middle is in the first pixels, and their focal lengths are below a pixel."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for size in range(1, 9):
+            camera = Camera.from_fov(size, size, hfov=fov)
+            assert camera.hfov == pytest.approx(fov) and camera.cx == camera.cy == size / 2
+            lens = wv.cameras.lenses.OpenCVPinhole(camera.fx, camera.fy, camera.cx, camera.cy, (0.0,) * 4)
+            wv.cameras.LensCamera(lens, size, size)
+    for size in ((1, 3), (3, 2), (2, 3), (3, 1)):
+        assert Camera.from_fov(*size, hfov=3.1).hfov == pytest.approx(3.1)
 
 
 def test_usual_intrinsics_do_not_warn():

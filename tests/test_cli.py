@@ -160,7 +160,7 @@ def test_perspective_of_a_file(lab, tmp_path):
 
 def test_perspective_of_an_experiment(tmp_path, monkeypatch, capsys):
     """Experiments define their agents; only requested files are written."""
-    for number, word in ((1, "The robot sees all of them."), (4, "The person sees no objects")):
+    for number, word in ((1, "The robot sees all of them."), (4, "The human sees no objects")):
         code, out, _ = run_here(monkeypatch, capsys, tmp_path, "perspective", f"experiment_{number}")
         assert code == 0 and word in out
         experiment = EXPERIMENTS[number - 1]

@@ -174,4 +174,14 @@ def test_datasets_contain_colors(layout, folder, tmp_path):
         image = getattr(views, name).numpy()[0]
         assert frame[name].dtype == np.uint8 and len(np.unique(image)) > 1
         np.testing.assert_array_equal(frame[name], image)
+    assert json.loads((tmp_path / "out" / layout / "manifest.json").read_text())["shadows"] is True
     assert run_inside("verify", tmp_path / "out" / layout, cwd=tmp_path).returncode == 0
+    options = ("--no-shadows", "--samples", "4")
+    result = render(folder, tmp_path / "bright", "--outputs", "color", "--format", layout, *options)
+    assert result.returncode == 0
+    manifest = json.loads((tmp_path / "bright" / layout / "manifest.json").read_text())
+    assert (manifest["shadows"], manifest["samples"]) == (False, 4)
+    smooth = wv.render(
+        scene, dataset.camera, frame["camera_to_world"], outputs="color", shadows=False, samples=4
+    ).color.numpy()
+    np.testing.assert_array_equal(wv.open_dataset(tmp_path / "bright" / layout)[1]["color"], smooth[0])

@@ -181,7 +181,9 @@ def test_render_checks_all_formats_before_it_writes(run, tmp_path):
     for more, said in (
         (("--outputs", "points"), "for format 'png', got 'points'"),
         (("--format", "npz,tiff"), "format must be one of"),
-        (("--option", "scale=5"), "format 'npz' has no option 'scale'"),
+        (("--option", "speed=5"), "format 'npz' has no option 'speed'"),
+        (("--option", "scale=0"), "option scale must be a positive number, got '0'"),
+        (("--format", "nerfstudio", "--outputs", "depth"), "outputs must include color for format 'nerfstudio'"),
     ):
         code, _, error = run(*given, *more)
         assert code == 2 and said in error and not (tmp_path / "out").exists()
@@ -191,6 +193,18 @@ def test_render_checks_all_formats_before_it_writes(run, tmp_path):
     assert code == 2 and "png: exists already" in error and not (tmp_path / "out" / "npz").exists()
     assert run(*given, "--format", "tum")[0] == 0
     assert (tmp_path / "out" / "tum" / "depth.txt").is_file()
+
+
+def test_render_passes_options_to_the_formats_that_have_them(run, tmp_path):
+    given = ("render", "room.stl", "--poses", ORBIT, "--outputs", "color,depth")
+    options = ("--format", "npz,png,tum", "--option", "scale=100,color=jpeg")
+    assert run(*given, *options, "--out", tmp_path / "out")[0] == 0
+    manifests = {
+        path.parent.name: json.loads(path.read_text())["options"] for path in tmp_path.glob("out/*/manifest.json")
+    }
+    assert manifests == {"npz": {}, "png": {"color": "jpeg", "scale": "100"}, "tum": {"color": "jpeg"}}
+    assert list((tmp_path / "out/png/color/000000").glob("*.jpg"))
+    assert list((tmp_path / "out/tum/rgb/000000").glob("*.jpg"))
 
 
 NO_EFFECT = {

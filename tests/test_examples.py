@@ -14,6 +14,7 @@ EXAMPLES = Path(__file__).parent.parent / "examples"
 SAYS = {
     "gymnasium_depth.py": r"(Fetch|Pusher)[\w-]+: observations have .*depth, .*\nafter 50 steps show \d+% of object.*\n"
     r"4 environments: depth \(4, 64, 64\) float32",
+    "gymnasium_rgbd.py": r"NatureCNN \(12, 64, 64\)\n(\d+ steps, \d+ s: episodes of \d+ steps\n){5}",
     "torch_depth.py": r"a tensor \(32, 64, 64\) on (cpu|cuda:0), of the same memory\n"
     r"the error fell from 0\.\d+ to 0\.0[01]\d, of shares of 0\.09",
     "aloha_perspective.py": r"spoon +object +hidden by pot +hidden by pot +neither\n"
@@ -41,6 +42,7 @@ SAYS = {
     "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
+    "randomized_worlds.py": r"12 worlds in randomized_worlds\.png",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",
 }
 
@@ -57,8 +59,9 @@ _FAST = {"depth_sensors.py"}
     "name", [name if name in _FAST else pytest.param(name, marks=pytest.mark.slow) for name in SAYS]
 )
 def test_examples_run(name, tmp_path):
-    for module in ("mujoco_warp", "gymnasium", "torch"):
-        if f"import {module}" in (EXAMPLES / name).read_text() and importlib.util.find_spec(module) is None:
+    for module in ("mujoco_warp", "gymnasium", "torch", "stable_baselines3"):
+        needs = re.search(rf"(import|from) {module}", (EXAMPLES / name).read_text())
+        if needs and importlib.util.find_spec(module) is None:
             pytest.skip(f"{module} is not installed")
     done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
+from PIL import Image
 
 import warpvis as wv
 from warpvis import scenes
@@ -197,3 +198,40 @@ def test_plan_uses_the_cameras_range():
     pose = wv.look_at((0, 0, 1), (3, 0, 1))
     assert not wv.maps.plan_visibility(scene, wv.Camera.kinect(), pose).visible[0, 0]
     assert wv.maps.plan_visibility(scene, wv.Camera.from_fov(320, 240, hfov=0.99, far=5), pose).visible[0, 0]
+
+
+def test_colors_of_the_experiments(result):
+    """Sides of the obstacles toward the robot, by Lambert's law in double precision, in the light or in a shadow."""
+    color, objects = result.views.color.numpy()[0], result.views.segmentation.numpy()[0]
+    assert (color[objects < 0] == np.rint(255 * np.array([0.88, 0.90, 0.93]))).all() and (objects < 0).any()
+    to_light = -np.array([0.5, 0.45, -1]) / np.linalg.norm([0.5, 0.45, -1])
+    experiment = result.experiment
+    normals = wv.render(result.scene, experiment.camera, experiment.poses(), outputs="normals").normals.numpy()[0]
+    for name, base in (("low obstacle", (0.72, 0.50, 0.28)), ("high obstacle", (0.45, 0.66, 0.66))):
+        front = (objects == result.scene.index(name)) & (normals[..., 0] < -0.99)
+        lit, dark = (255 * np.array(base) * (0.45 + light) for light in (-0.65 * to_light[0], 0.0))
+        error = np.minimum(*(np.abs(color[front] - expected).max(axis=-1) for expected in (lit, dark)))
+        assert front.sum() > 1000 and error.max() <= 1, name
+    ball = color[objects == result.scene.index("ball")].astype(float)
+    assert (ball[:, 0] > 2 * ball[:, 1:].max(axis=1)).all()
+
+
+def test_overview_shows_color_beside_depth(result, tmp_path):
+    views = result.views
+    pose, pictures = result.experiment.poses()[0], {}
+    for name, shown in (("color", views), ("plain", dataclasses.replace(views, color=None))):
+        wv.viz.save_overview(
+            result.scene,
+            result.experiment.camera,
+            pose,
+            shown,
+            result.floor_map,
+            tmp_path / f"{name}.png",
+            title=name,
+            eye=(-4, -4, 3),
+            target=(0, 0, 0),
+        )
+        pictures[name] = np.asarray(Image.open(tmp_path / f"{name}.png").convert("RGB"))
+    assert pictures["color"].shape[1] == pytest.approx(pictures["plain"].shape[1] * 4 / 3, abs=2)
+    counts = [(picture == (224, 230, 237)).all(axis=-1).sum() for picture in pictures.values()]
+    assert counts[0] > 5000 and counts[1] == 0  # the background of the color image

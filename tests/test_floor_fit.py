@@ -53,6 +53,7 @@ def errors(fit, pose):
 
 
 KITCHEN = room(FLOOR, *WALLS, TABLE)
+TILTED = camera_pose(1.3, 18)
 SENSORS = {
     "exact": None,
     "kinect": wv.sensors.kinect_v1(width=320, height=240),
@@ -158,6 +159,34 @@ def test_stair_up_is_not_a_ramp():
     assert (angle < 1 and offset < 0.02) or (fit.confidence < 0.5 and fit.problems)
 
 
+def add_noise(depth, noise):
+    """Add independent normal errors whose standard deviation is `noise` at 1 m, and grows with the square of depth."""
+    return depth + np.random.default_rng(1).normal(0, noise, depth.shape) * depth**2
+
+
+@pytest.mark.parametrize("noise", [0.0008, 0.0014])
+@pytest.mark.parametrize("count", [6, 9])
+def test_floor_in_front_of_a_stair_is_found(count, noise):
+    """The steps between walls fill the image but for 25 rows: they are no ramp, and their edges are no noise."""
+    steps = [((2, 0.28, 0.17), (0, 2.34 + 0.28 * k, 0.085 + 0.17 * k)) for k in range(count)]
+    end, top = 2.2 + 0.28 * count, 0.17 * count
+    landing = (2, 3, 0.1), (0, end + 1.5, top - 0.05)
+    walls = [((0.1, 12, 4), (-1.15, 3, 2)), ((0.1, 12, 4), (1.15, 3, 2)), ((4, 0.1, 5), (0, end + 2.5, 2.5))]
+    camera, pose = wv.Camera(320, 180, 176, 176, 160, 86, near=0.3, far=8.0), camera_pose(1.6, 14)
+    depth = wv.render(room(FLOOR, *steps, landing, *walls), camera, pose).depth.numpy()[0]
+    angle, offset = errors(wv.fit_floor(add_noise(depth, noise), camera), pose)
+    assert angle < 0.5 and offset < 0.01
+
+
+@pytest.mark.parametrize(("height", "x"), [(0.05, 1.4), (0.06, 1.1), (0.06, 1.4), (0.06, 1.7)])
+def test_low_object_is_not_a_part_of_the_floor(height, x):
+    """A plane between a low object and the floor has more points than the floor within 4 cm."""
+    depth = measure(room(FLOOR, ((8, 0.1, 3), (0, 2.35, 1.5)), ((1.6, 0.9, height), (x, 1.9, height / 2))), TILTED)
+    fit = wv.fit_floor(add_noise(depth, 0.0014), CAMERA)
+    angle, offset = errors(fit, TILTED)
+    assert angle < 0.2 and offset < 0.005 and fit.confidence > 0.5
+
+
 @pytest.mark.parametrize("direction", [0, 1])
 def test_curved_depth_reduces_the_confidence(direction):
     """Uncalibrated cameras bend planes: here, 6 cm at the border of the image at 2 m."""
@@ -170,6 +199,23 @@ def test_curved_depth_reduces_the_confidence(direction):
     assert math.degrees(bent.tilt_sigma) > 0.5 > math.degrees(straight.tilt_sigma)
     assert bent.confidence < 0.8 and any("parts of the floor differ" in problem for problem in bent.problems)
     assert errors(bent, pose)[0] < 3 * math.degrees(bent.tilt_sigma)
+
+
+def test_errors_of_curved_depth_are_those_expected():
+    """The root mean square of errors in units of their standard deviations is near 1."""
+    random, scene = np.random.default_rng(4), room(FLOOR, *WALLS)
+    y, x = ((np.indices((240, 320)) + 0.5) - np.array([120, 160])[:, None, None]) / 160
+    angles, offsets = [], []
+    for _ in range(24):
+        pose = camera_pose(random.uniform(0.8, 1.7), random.uniform(15, 40))
+        depth = measure(scene, pose).astype(np.float64)
+        curve = np.tensordot(random.normal(0, 0.015, 3), np.stack([x * x, y * y, x * y]), 1)
+        fit = wv.fit_floor(add_noise(depth * (1 + depth / 2 * curve), 0.001), CAMERA)
+        angle, offset = errors(fit, pose)
+        angles.append(math.radians(angle) / fit.tilt_sigma)
+        offsets.append(offset / fit.height_sigma)
+    assert 0.5 < np.sqrt(np.mean(np.square(angles))) < 1.5
+    assert 0.5 < np.sqrt(np.mean(np.square(offsets))) < 1.5
 
 
 def test_inliers_are_the_pixels_of_the_floor():

@@ -78,6 +78,7 @@ RESULTS = {
     "Recognized",
     "Recording",
     "Returns",
+    "LineOfSight",
     "Sight",
     "Track",
     "Watched",
@@ -132,9 +133,12 @@ OURS = {
     "WatchPage.show",
     "WatchPage.wait_for",
     "Scene.device_lights",
+    "Scene.device_alternatives",
     "Scene.device_materials",
+    "Scene.device_skies",
     "Scene.movable_poses",
     "Scene.replace_objects",
+    "Scene.require_planes",
     "Scene.triangles",
     "Scene.add_parts",
     "Scene.use_labels",
@@ -199,14 +203,15 @@ def test_valid_arguments_are_accepted(table):
 
 
 NAMES = (
-    "Agent Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ "
+    "Agent agent_ Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ "
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Measured Occupancy read_tracks Track Watch Randomized Reference "
-    "Ortho gym open_ framing depth_ from_image to_image to_point to_occ find_ quanti range_ recog segm Li bpearl even "
+    "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "
+    "range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
-    "register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
+    "lights_ line_ robot_ register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
     "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view MujocoStage "
 ).split()
 

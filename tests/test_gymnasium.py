@@ -300,7 +300,7 @@ def test_invalid_environments_and_arguments_raise():
             wrapper(NoModel())
         with pytest.raises(wv.errors.SceneError, match=r"observations have '(depth|poses)' already"):
             wrapper(wrapper(Cup()))
-    with pytest.raises(wv.errors.ArrayError, match="outputs must be one or more of depth, segmentation, each once"):
+    with pytest.raises(wv.errors.ArrayError, match="outputs must be one or more of rgb, depth, rgbd, segmentation"):
         DepthObservation(Cup(), outputs=())
     with pytest.raises(wv.errors.SceneError, match="'fork' in objects must match a geom"):
         DepthObservation(Cup(), objects=["fork"])

@@ -223,7 +223,7 @@ def test_damaged_tables_raise_one_line_errors(tmp_path):
         ("nan.txt", whole.replace(repr(float(TABLE[1, 1, 0])), "nan", 1), "finite"),
         ("gone.txt", None, "cannot be read: No such file"),
         ("small.npy", None, "must have shape"),
-        ("objects.npy", None, "is not a table of distortion factors"),
+        ("objects.npy", None, "cannot be read as NPY: Object arrays"),
         ("endless.npy", None, "finite factors"),
         ("broken.npy", "no array", "is not a table of distortion factors|cannot be read"),
     ):

@@ -4,7 +4,6 @@
 
 import json
 import sys
-import warnings
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import ClassVar
@@ -20,6 +19,7 @@ from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
 
 from support.lens_camera import FISHEYE, PLUMB_BOB, RATIONAL, SMALL, STRAIGHT, WIDE
+from support.recorded_warnings import recorded_warnings
 
 TILTED = (*RATIONAL, 0.001, 0, 0, 0, 0.01, 0.02)
 CAMERAS = {
@@ -373,8 +373,7 @@ def test_malformed_camera_files_are_rejected(name, tmp_path):
 
 def run(monkeypatch, capsys, *arguments):
     monkeypatch.setattr(sys, "argv", ["warpvis", *map(str, arguments)])
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with recorded_warnings() as told:
         try:
             main()
             code = 0

@@ -10,7 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from gltf_files import GltfWriter
 from PIL import Image
+from reference_shading import to_linear, to_screen
 
 import warpvis as wv
 from warpvis.errors import SceneError
@@ -109,6 +111,7 @@ def test_cube_coordinates_match_opengl():
         (lambda: Light(falloff="none"), "falloff of a light must be"),
         (lambda: Light(color_space="hsv"), "color_space of a light must be"),
         (lambda: Light(cast_shadow="maybe"), "cast_shadow of a light must be"),
+        (lambda: Light(shadow_plane=2), "shadow_plane of a light must be"),
         (lambda: Background((2, np.inf, 0)), "color of a background must be three numbers of at least 0"),
         (lambda: Background(sky=FACES[:5]), "sky of a background must be six Textures or none, got 5 items"),
         (lambda: Background(sky=FACES[0]), "sky of a background must be six Textures or none"),
@@ -245,3 +248,63 @@ def test_webots_sky(tmp_path):
         assert names[background.image[4 * int(number), 0, 0]] == name
     (tmp_path / "top.png").unlink()
     assert load(tmp_path / "a.wbt").background.sky == ()
+
+
+def test_mesh_files_without_lights_have_a_headlight(tmp_path, device):
+    (tmp_path / "a.obj").write_text("mtllib m.mtl\nusemtl m\nv -1 -1 0\nv 1 -1 0\nv 0 2 0\nf 1 2 3\n")
+    (tmp_path / "m.mtl").write_text("newmtl m\nKd 0.2 0.5 0.8\n")
+    scene = wv.Scene.load(tmp_path / "a.obj", scale=2.0, device=device)
+    (light,) = scene.lights
+    assert (light.kind, light.name, light.color, light.ambient) == ("headlight", "headlight", (0.8,) * 3, (0.2,) * 3)
+    outputs = ("color", "albedo")
+    camera = wv.Camera.from_fov(5, 5, hfov=0.1)
+    poses = [wv.look_at(eye, (0, 0, 0), up="y") for eye in ((0, 0, 3), (0.01, 3, 3))]
+    color, albedo = (getattr(wv.render(scene, camera, poses, outputs=outputs), name).numpy() for name in outputs)
+    assert (albedo == [51, 128, 204]).all()
+    assert np.abs(color[0].astype(int) - albedo[0]).max() <= 1  # facing the camera
+    oblique = 255 * to_screen(to_linear(np.array([0.2, 0.5, 0.8])) * (0.2 + 0.8 * np.cos(np.pi / 4)))
+    assert np.abs(color[1, 2, 2] - oblique).max() <= 1
+    scene.lights = ()
+    np.testing.assert_array_equal(wv.render(scene, camera, poses, outputs=("color",)).color.numpy(), albedo)
+
+
+def test_files_with_lights_or_worlds_have_no_headlight(tmp_path):
+    (tmp_path / "a.glb").write_bytes(lit_file())
+    with pytest.warns(UserWarning, match="left out the lights"):
+        assert "headlight" not in [light.kind for light in wv.Scene.load(tmp_path / "a.glb").lights]
+    (tmp_path / "a.wbt").write_text("#VRML_SIM R2023b utf8\nSolid { children [ Shape { geometry Box { } } ] }")
+    assert wv.Scene.load(tmp_path / "a.wbt").lights == ()
+
+
+def image_lit(light=0, **more):
+    """Return a glTF file with an image-based light whose irradiance is 2, 1 and 0.5 on average."""
+    writer = GltfWriter(extensions={"EXT_lights_image_based": {"lights": [more]}})
+    writer.node(writer.primitive([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    return writer.bytes(extensions={"EXT_lights_image_based": {"light": light}})
+
+
+def test_gltf_image_based_light_is_ambient(tmp_path):
+    """The mean over all directions of the irradiance of spherical harmonics is what Lambertian surfaces reflect."""
+    rng = np.random.default_rng(1)
+    rows = np.concatenate([2 * np.sqrt(np.pi) * np.array([[2, 1, 0.5]]), rng.uniform(-0.3, 0.3, (8, 3))])
+    (tmp_path / "a.glb").write_bytes(image_lit(irradianceCoefficients=rows.tolist(), intensity=3.0, name="sky"))
+    (light,) = load(tmp_path / "a.glb").lights
+    assert (light.kind, light.name, light.color_space, light.color) == ("ambient", "sky", "linear", (0, 0, 0))
+    # Numerical integration over the sphere.
+    x, y, z = np.moveaxis(rng.normal(size=(400_000, 3)), -1, 0)
+    length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    basis = [0.282095 + 0 * x, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z]
+    basis += [0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)]
+    irradiance = (np.stack(basis, axis=-1) @ rows).mean(axis=0)
+    np.testing.assert_allclose(light.ambient, 3 * irradiance / np.pi, rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    "more", [{"irradianceCoefficients": [[1, 1, 1]]}, {"light": 7, "irradianceCoefficients": [[1] * 3] * 9}, {}]
+)
+def test_invalid_image_based_light_is_left_out(tmp_path, more):
+    (tmp_path / "a.glb").write_bytes(image_lit(**more))
+    with pytest.warns(UserWarning, match=r"left out the lights of the scene \("):
+        (light,) = wv.Scene.load(tmp_path / "a.glb", strict=True).lights
+    assert light.kind == "headlight"

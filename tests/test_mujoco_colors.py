@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Colors of MuJoCo scenes belong to the geom in the segmentation; colors that differ from the model are rejected."""
+"""Colors of MuJoCo scenes belong to the geom in the segmentation; colors that differ from the model are followed."""
 
 import copy
 import pickle
@@ -8,6 +8,7 @@ import pickle
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 import warp as wp
 
 import warpvis as wv
@@ -33,7 +34,7 @@ def test_colors_match_segmented_geom(kind, moving, device):
     ids, albedo, color = batch.geom_ids(views).numpy()[0], views.albedo.numpy()[0], views.color.numpy()[0]
     assert (ids == 1).sum() > 80 and not (ids == 0).any()
     assert (albedo[ids == 1] == (0, 0, 255)).all()
-    assert (color[ids == 1][:, 0] <= color[ids == 1][:, 2]).all() and color[ids == 1][:, 2].max() > 100
+    assert (color[ids == 1][:, 0] <= color[ids == 1][:, 2]).all() and color[ids == 1][:, 2].max() > 70
 
 
 def test_textures_match_triangles_of_segmented_geom(device):
@@ -115,17 +116,21 @@ def changed(name, geom, value):
         (changed("mat_rgba", 0, (1, 0, 1, 1)), "red"),
     ],
 )
-def test_colors_that_differ_from_model_are_rejected(given, geom, outputs, device):
+def test_colors_that_differ_from_model_are_shown(given, geom, outputs, device):
+    """World 1 has the image of a model with its numbers, and world 0 that of the model."""
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=outputs, device=device)
-    for rows in (given, {name: wp.array(rows, device="cpu") for name, rows in given.items()}):
-        if any(isinstance(array, wp.array) for array in rows.values()):
-            dtype = {"geom_matid": wp.int32}.get(next(iter(rows)), wp.vec4)
-            rows = {name: wp.array(array, dtype=dtype, device="cpu") for name, array in given.items()}
-        said = f"colors and materials for the outputs color and albedo, got others for geom '{geom}' in world 1"
-        with pytest.raises(wv.WarpvisError, match=said):
-            batch.render([data] * 2, model=rows)
-    assert BatchRenderer(model, **SIZE, device=device).render([data] * 2, model=given).worlds == 2
+    shared = {name: wp.array(rows, dtype=wp.vec4, device=device) for name, rows in given.items() if "rgba" in name}
+    for rows in (given, shared or given):
+        found = getattr(batch.render([data] * 2, model=rows), outputs[0]).numpy()
+        own = copy.copy(model)
+        for world in range(2):
+            for name, values in given.items():
+                getattr(own, name)[:] = values[world]
+            expected = getattr(BatchRenderer(own, **SIZE, outputs=outputs, device=device).render(data), outputs[0])
+            assert np.abs(found[world].astype(int) - expected.numpy()[0]).max() <= 1
+        # A geom with a material and its own color keeps its color.
+        assert (found[0] != found[1]).any() or ("geom_matid" in given and geom == "own")
 
 
 @pytest.mark.parametrize(
@@ -149,12 +154,12 @@ def test_irrelevant_color_differences_are_accepted(given, device):
     assert (shown == 0).any() != hides
 
 
-def test_colors_on_gpu_are_rejected(cuda):
+def test_materials_on_gpu_are_rejected(cuda):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color",), device=cuda)
-    given = {"geom_rgba": wp.array(model.geom_rgba[None], dtype=wp.vec4, device=cuda)}
-    with pytest.raises(wv.WarpvisError, match="geom_rgba must be in host memory, or omitted, for the outputs"):
-        batch.render(data, model=given)
+    given = {"geom_matid": wp.array(model.geom_matid[None].repeat(2, 0), dtype=wp.int32, device=cuda)}
+    with pytest.raises(wv.WarpvisError, match="geom_matid must be in host memory, or of one world, for the outputs"):
+        batch.render([data] * 2, model=given)
 
 
 def test_invalid_geom_matid_is_rejected(device):
@@ -179,24 +184,20 @@ EDITS = {
 
 
 @pytest.mark.parametrize("name", EDITS)
-def test_model_color_edits_after_creation_are_rejected(name, device):
+def test_model_color_edits_after_creation_are_followed(name, device):
     model, data = model_of(WORLDS)
     batch = BatchRenderer(model, **SIZE, outputs=("color",), device=device)
-    depth = BatchRenderer(model, **SIZE, device=device)
     before = batch.render(data).color.numpy()
     copies = [copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))]
     EDITS[name](model)
-    said = f"{name} of the model must not change after the BatchRenderer was created"
-    for edited in (batch, copy.deepcopy(batch), pickle.loads(pickle.dumps(batch))):
-        with pytest.raises(wv.WarpvisError, match=said):
-            edited.render(data)
+    anew = BatchRenderer(model, **SIZE, outputs=("color",), device=device).render(data).color.numpy()
+    for edited in (copy.deepcopy(batch), pickle.loads(pickle.dumps(batch)), batch):
+        for _ in range(2):
+            assert np.abs(edited.render(data).color.numpy().astype(int) - anew).max() <= 1
     for again in copies:  # copies keep the original model
         assert np.array_equal(again.render(data).color.numpy(), before)
         EDITS[name](again.model)
-        with pytest.raises(wv.WarpvisError, match=said):
-            again.render(data)
-    depth.render(data)
-    anew = BatchRenderer(model, **SIZE, outputs=("color",), device=device).render(data).color.numpy()
+        assert np.abs(again.render(data).color.numpy().astype(int) - anew).max() <= 1
     assert np.array_equal(anew, before) == (name == "mat_texrepeat")  # there is no texture
 
 
@@ -239,3 +240,76 @@ def test_sky_color_spaces_match_mujoco(space):
         renderer.update_scene(data, 0)
         expected = renderer.render()
     assert np.abs(sky[0].image[0, 0, :3].astype(int) - expected[30, 40]).max() <= 2
+
+
+CUBE = "-.3 -.3 -.3 .3 -.3 -.3 -.3 .3 -.3 .3 .3 -.3 -.3 -.3 .3 .3 -.3 .3 -.3 .3 .3 .3 .3 .3"
+CUBE_FACES = "0 2 1 1 2 3 4 5 6 5 7 6 0 1 4 1 5 4 2 6 3 3 6 7 0 4 2 2 4 6 1 3 5 3 7 5"
+COORDINATES = "0 0 1 0 0 1 1 1 0 0 1 0 0 1 1 1"
+
+
+def normals_of(mesh):
+    """Return normals that shade a model's mesh, its faces' normals, and the normals that the model stores."""
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><asset><mesh name='m' smoothnormal='true' {mesh}/></asset><worldbody><geom type='mesh' mesh='m'/>"
+        "</worldbody></mujoco>"
+    )
+    item = scene_from_mujoco(model).scene.objects[0]
+    corners = model.mesh_vert[model.mesh_face].astype(np.float64)
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    stored = model.mesh_normal[model.mesh_facenormal].astype(np.float64)
+    return item.appearance.normals, flat / np.linalg.norm(flat, axis=1, keepdims=True), stored
+
+
+def test_sharp_edges_of_meshes_are_shaded_flat():
+    """Unless a mesh has texture coordinates; the faces of a coarse ball are within 37 degrees of its normals."""
+    shaded, flat, stored = normals_of(f'vertex="{CUBE}" face="{CUBE_FACES}"')
+    assert (np.abs((stored * flat[:, None]).sum(axis=-1)) < 0.75).all()
+    np.testing.assert_allclose(shaded, np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
+    shaded, flat, stored = normals_of(f'vertex="{CUBE}" face="{CUBE_FACES}" texcoord="{COORDINATES}"')
+    np.testing.assert_allclose(shaded, stored, atol=1e-6)
+    assert (np.abs(shaded - flat[:, None]).max(axis=(1, 2)) > 0.2).all()
+    ball = trimesh.creation.icosphere(2, 0.3)
+    shaded, flat, stored = normals_of(f'vertex="{" ".join(map(str, ball.vertices.ravel()))}"')
+    np.testing.assert_allclose(shaded, stored, atol=1e-6)
+
+
+@pytest.mark.gl
+def test_meshes_with_edges_match_mujoco_pictures():
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><visual><headlight ambient=".2 .2 .2" diffuse=".4 .4 .4"
+      specular="0 0 0"/><quality offsamples="0"/></visual><asset><material name="m" specular="0" rgba=".9 .6 .5 1"/>
+      <mesh name="m" smoothnormal="true" vertex="{CUBE}" face="{CUBE_FACES}"/></asset><worldbody>
+      <light pos="0 0 3" dir="0.3 -0.2 -1" type="directional" castshadow="false" diffuse=".3 .3 .5"/>
+      <camera name="c" pos=".8 -.9 .7" xyaxes="1 1 0 -.4 .4 1"/>
+      <geom type="mesh" mesh="m" material="m"/></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mujoco.Renderer(model, **SIZE) as renderer:
+        renderer.update_scene(data, "c")
+        picture = renderer.render().astype(int)
+    views = BatchRenderer(model, **SIZE, outputs=("color", "segmentation"), device="cpu").render(data)
+    seen = (views.segmentation.numpy()[0] == 0) & (picture.sum(axis=-1) > 0)
+    error = np.abs(views.color.numpy()[0] - picture)[seen]
+    assert seen.sum() > 500 and error.mean() < 0.5
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("shadows", [True, False])
+def test_bright_lights_match_mujoco_pictures(shadows, device):
+    """Each light with shadows is clamped before the texture multiplies it, and its ambient part is blocked."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><visual><headlight ambient=".1 .2 .1" diffuse=".5 .2 .3"
+      specular="0 0 0"/><quality offsamples="0" shadowsize="1024"/></visual><asset><texture name="t" type="2d"
+      builtin="flat" width="16" height="16" rgb1=".4 .3 .5"/><material name="m" texture="t" specular="0"/></asset>
+      <worldbody><light dir="0 .3 -1" pos="0 0 3" type="directional" diffuse=".9 .8 .3" specular="0 0 0"/>
+      <light dir=".4 0 -1" pos="0 0 3" type="directional" diffuse=".9 .3 .5" ambient=".1 0 .3" specular="0 0 0"/>
+      <camera name="c" pos="0 0 3"/><geom type="plane" size="2 2 .1" material="m"/>
+      <geom type="box" pos="0 0 1.2" size=".3 .3 .02" rgba=".5 .3 .2 1"/></worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with mujoco.Renderer(model, **SIZE) as renderer:
+        renderer.update_scene(data, "c")
+        renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = shadows
+        picture = renderer.render().astype(int)
+    batch = BatchRenderer(model, **SIZE, outputs=("color",), shadows=shadows, device=device)
+    error = np.abs(batch.render(data).color.numpy()[0] - picture).max(axis=-1)
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) >= (4 if shadows else 2)
+    assert (error <= 2).mean() > 0.95  # the rest are edges of shadow maps and of the box

@@ -16,6 +16,7 @@ from warpvis.mujoco import BatchRenderer, Renderer, WorldPoses, geom_poses, scen
 from warpvis.mujoco._visuals import Visuals
 
 from support.mujoco_renderer import assert_same_images, images
+from support.recorded_warnings import recorded_warnings
 
 HEIGHT, WIDTH = 120, 160
 OBJ, FLAG = mujoco.mjtObj, mujoco.mjtVisFlag
@@ -341,9 +342,7 @@ def test_unsupported_elements_warn_once(monkeypatch):
     model, data = model_of("skins")
     renderer, option = Renderer(model, HEIGHT, WIDTH), option_with({"BODYBVH": 1})
     renderer.update_scene(data, "front")
-    with pytest.warns(
-        UserWarning, match=r"elements of mujoco\.Renderer that are not rendered: mjGEOM_LINEBOX of mjOBJ_"
-    ) as caught:
+    with recorded_warnings(r"elements of mujoco\.Renderer that are not rendered: mjGEOM_LINEBOX of mjOBJ_") as caught:
         renderer.update_scene(data, "front", option)
     assert caught[0].filename == __file__
     with warnings.catch_warnings():
@@ -406,22 +405,18 @@ def test_site_groups_select_sites():
         scene_from_mujoco(model, site_groups=6)
 
 
-@pytest.mark.parametrize("make", [scene_from_mujoco, BatchRenderer])
-def test_unsupported_elements_of_batches_warn(make):
+def test_soft_elements_of_scenes_warn():
     expected = {"tendons": "tendon 'belt', tendon 'string'", "skins": "skin 'sleeve'"}
     expected["flexes"] = "flex 'rope', flex 'cloth', flex 'jelly'"
     for name, soft in expected.items():
         model, _ = model_of(name)
-        with pytest.warns(UserWarning, match=f"warpvis.mujoco.Renderer that are not rendered: {soft}$") as caught:
-            make(model)
+        with recorded_warnings(f"warpvis.mujoco.Renderer that are not rendered: {soft}$") as caught:
+            scene_from_mujoco(model)
         assert caught[0].filename == __file__ and len(caught) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make(model_of("sites")[0])
-        make(model, exclude=["rope", "cloth", "jelly"])
-        if make is BatchRenderer:
-            make(model, scene_option=option_with(flexgroup=()))
-            make(model_of("skins")[0], scene_option=option_with({"SKIN": 0}))
+        scene_from_mujoco(model_of("sites")[0])
+        scene_from_mujoco(model, exclude=["rope", "cloth", "jelly"])
 
 
 @pytest.mark.gl

@@ -134,47 +134,10 @@ def test_options_without_effect_on_depth_do_not_warn():
     assert np.array_equal(renderer.render(), before)
 
 
-@pytest.mark.gl
-def test_fallback_renders_colors_of_mujoco():
-    renderer, model, data = ready(fallback=True)
-    depth = renderer.render()
-    renderer.disable_depth_rendering()
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as theirs:
-        theirs.update_scene(data, "front")
-        expected = theirs.render()
-        assert np.array_equal(renderer.render(), expected) and expected.shape == (HEIGHT, WIDTH, 3)
-        out = np.zeros_like(expected)
-        assert renderer.render(out=out) is out and np.array_equal(out, expected)
-        # Colors show the state of the last update, even if that was made for depth.
-        renderer.enable_depth_rendering()
-        data.qpos[0] += 0.3
-        mujoco.mj_forward(model, data)
-        renderer.update_scene(data, "wrist")
-        theirs.update_scene(data, "wrist")
-        renderer.disable_depth_rendering()
-        data.qpos[0] -= 0.3
-        mujoco.mj_forward(model, data)
-        assert np.array_equal(renderer.render(), theirs.render())
-    assert isinstance(renderer.fallback, mujoco.Renderer) and depth.dtype == np.float32
-    copied = copy.deepcopy(renderer)
-    copied.update_scene(mujoco_copy(copied.model), "front")
-    assert copied.render().shape == (HEIGHT, WIDTH, 3)
-    copied.close()
-    renderer.close()
-
-
 def mujoco_copy(model):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return data
-
-
-def test_colors_without_fallback_are_rejected():
-    renderer, _, _ = ready()
-    renderer.disable_depth_rendering()
-    assert renderer.fallback is None
-    with pytest.raises(wv.WarpvisError, match=r"for colors, use mujoco\.Renderer or fallback=True"):
-        renderer.render()
 
 
 def test_closed_renderer_rejects_updates():
@@ -274,14 +237,3 @@ def test_views_can_be_copied():
             image = getattr(views, name)
             assert getattr(again, name).dtype == image.dtype and getattr(again, name).ptr != image.ptr
             assert np.array_equal(getattr(again, name).numpy(), image.numpy(), equal_nan=name == "points")
-
-
-def test_fallback_without_opengl_is_rejected(monkeypatch):
-    def fail(*_, **__):
-        raise mujoco.FatalError("an OpenGL platform library has not been loaded")
-
-    monkeypatch.setattr(mujoco, "Renderer", fail)
-    with pytest.raises(
-        wv.WarpvisError, match=r"fallback=True needs OpenGL, which is not available \(an OpenGL platform"
-    ):
-        ready(fallback=True)

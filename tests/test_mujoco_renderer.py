@@ -403,7 +403,6 @@ def depth_only():
 BAD = {
     "no model": (lambda: Renderer("model.xml"), "model must be a mujoco.MjModel, got str"),
     "no size": (lambda: Renderer(MODEL, 0, 5), "height must be a whole number of pixels from 1 up, got 0"),
-    "colors": (lambda: rendered(None), "for colors, use mujoco.Renderer or fallback=True"),
     "no update": (lambda: _enabled().render(), r"update_scene\(\) must be called before render\(\)"),
     "closed": (closed, "render cannot be called after close"),
     "bad out": (lambda: rendered(out=np.zeros((24, 33))), r"out must have shape \(24, 32\), got \(24, 33\)"),

@@ -81,6 +81,27 @@ def test_2d_textures_match_mujoco(more, forward):
         assert np.quantile(error, 0.9) < 20 / 255, name
 
 
+@pytest.mark.parametrize("uniform", [False, True])
+@pytest.mark.parametrize("name", GEOMS)
+def test_2d_textures_are_projected_as_before_mujoco_3_12(name, uniform, monkeypatch):
+    """The formulas are those of glTexGen with GL_OBJECT_LINEAR in `settexture` of MuJoCo 3.8's render_gl3.c."""
+    monkeypatch.setattr("warpvis.mujoco._texture_coordinates._PROJECTS", True)
+    more = f'texrepeat="1.5 2.5" texuniform="{str(uniform).lower()}"'
+    made = model("2d", np.zeros((64, 64, 3), dtype=np.uint8), more, [name])
+    item = wv.mujoco.scene_from_mujoco(made).scene[name]
+    uv = item.appearance.corner_uv(item.faces)
+    if name == "own":  # the coordinates of the file, whose v is downward
+        assert np.allclose(np.unique(uv.reshape(-1, 2), axis=0), [(0, 1), (0.5, 0), (0.5, 0.7), (1, 1)])
+        return
+    corners = item.vertices[item.faces]
+    if name == "plain":  # in the frame of its inertia
+        corners = made.mesh_vert[made.mesh_face[: made.mesh_facenum[0]]]
+    size = made.geom_size[0, [0, 0]] if name in ("sphere", "cylinder", "capsule") else made.geom_size[0, :2]
+    scale = np.array([1.5, 2.5]) / (1.0 if uniform else size) / 2
+    s, t = np.moveaxis(corners[..., :2] * scale * [1, -1] - 0.5, -1, 0)
+    assert np.abs(uv - np.stack([s, 1 - t], axis=-1)).max() < 1e-5
+
+
 @pytest.mark.gl
 @pytest.mark.parametrize("forward", [(0.4, 1, -0.7), (-0.5, -1, 0.6)])
 def test_cube_textures_on_boxes_match_mujoco(forward):
@@ -91,3 +112,28 @@ def test_cube_textures_on_boxes_match_mujoco(forward):
     which, colors, _ = drawn(wv.mujoco.scene_from_mujoco(made).scene["box"], rays.reshape(-1, 3), eye)
     error = np.abs(colors - shown.reshape(-1, 3)[which]).max(axis=1)
     assert np.mean(error < 2 / 255) > 0.7  # a quarter is about a dozen pixels wide, and interpolated at its edges
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("more", ["", 'texuniform="true"'])
+@pytest.mark.parametrize("name", ["plain", "own", "sphere", "ellipsoid"])
+def test_cube_textures_match_mujoco(name, more, device):
+    """MuJoCo does not scale meshes, and shows no cube map on meshes with texture coordinates."""
+    image = np.random.default_rng(2).integers(60, 255, (12, 2, 3), dtype=np.uint8).repeat(32, 0).repeat(32, 1)
+    made, camera = model("cube", image, more, [name]), mujoco.MjvCamera()
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0, 0, 0), 2.5, 160, -35
+    data = mujoco.MjData(made)
+    mujoco.mj_forward(made, data)
+    with mujoco.Renderer(made, 60, 80) as renderer:
+        renderer.update_scene(data, camera)
+        renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0
+        picture = renderer.render().astype(int)
+    batch = wv.mujoco.BatchRenderer(made, height=60, width=80, outputs=("color",), shadows=False, device=device)
+    color = batch.render(data, cameras=[camera]).color.numpy()[0].astype(int)
+    seen = (picture.max(axis=-1) > 0) & (color.max(axis=-1) > 0)
+    assert seen.sum() > 500
+    assert (len(np.unique(picture[seen], axis=0)) > 20) == (name != "own")
+    error = np.abs(color - picture).max(axis=-1)[seen]
+    assert np.mean(error <= 3) > 0.7  # as for boxes
+    if name == "own":
+        assert error.max() <= 3

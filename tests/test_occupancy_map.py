@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 import reference_occupancy
 import trimesh
+import warp as wp
 
 import warpvis as wv
 from warpvis import Camera
 from warpvis.cameras import LensCamera, lenses
-from warpvis.errors import ArrayError, CameraError, WarpvisError
-from warpvis.maps import OccupancyMap, Voxel
+from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import ArrayError, CameraError, PoseError, WarpvisError
+from warpvis.maps import OccupancyMap, Voxel, _occupancy_batch
 from warpvis.maps._rectified import Rectification, rectify
 
 from support.voxels import build
@@ -77,7 +79,7 @@ def test_map_matches_reference(device, by_rows, cell):
     scene, poses = build(device), around(4)
     depth = noisy_depth(scene, poses)
     occupancy, dense = OccupancyMap(cell, device=device), reference_occupancy.DenseMap(BOX, cell)
-    occupancy._integrator.by_rows = by_rows
+    occupancy._integrator.batch.by_rows = by_rows
     for image, pose in zip(depth, poses, strict=True):
         occupancy.integrate(image[None], CAMERA, pose[None], sigma=sigma)
         reference_occupancy.update_voxels(dense, image, CAMERA, pose, sigma)
@@ -96,6 +98,18 @@ def test_batches_and_threads_change_nothing(device):
     first = maps[0].voxel_map(BOX)
     for other in maps[1:]:
         assert (other.voxel_map(BOX).states.numpy() == first.states.numpy()).all()
+
+
+def test_poses_may_be_on_the_device_or_in_host_memory(device):
+    scene, poses = build(device), around(3)
+    depth = wv.render(scene, CAMERA, poses, outputs="depth").depth
+    maps = []
+    for given in (poses, poses_to_matrices(poses), wp.array(poses, dtype=wp.transform, device=device)):
+        maps.append(OccupancyMap(0.05, device=device))
+        maps[-1].integrate(depth, CAMERA, given)
+    first, *others = (one.voxel_map(BOX).states.numpy() for one in maps)
+    for other in others:
+        assert (other != first).mean() < 1e-4
 
 
 def test_blocks_are_merged(device):
@@ -255,3 +269,41 @@ def test_invalid_images_raise(device):
     with pytest.raises(ArrayError, match="give it bounds or larger voxels"):
         OccupancyMap(1e-4, device=device).integrate(depth, CAMERA, poses)
     assert occupancy.voxel_map(BOX).counts()[Voxel.UNKNOWN] == 60 * 48 * 30
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_poses_of_another_meaning_are_refused(together):
+    scene = build("cpu")
+    eyes = np.linspace((1.4, -0.9, 0.7), (1.5, 0.6, 1.4), 6)
+    poses = np.array([wv.look_at(eye, (0.0, 0.4 * eye[1], 0.3)) for eye in eyes], dtype=np.float32)
+    depth = wv.render(scene, CAMERA, poses, outputs="depth").depth.numpy()
+    matrices = poses_to_matrices(poses)
+    wrong = {
+        "pass their inverses": (np.linalg.inv(matrices), {}),
+        'pass convention="opencv"': (matrices, {"convention": "opengl"}),
+        'pass quaternion="wxyz"': (poses[:, [0, 1, 2, 6, 3, 4, 5]], {}),
+    }
+    for remedy, (given, options) in wrong.items():
+        occupancy = OccupancyMap(0.05)
+        steps = [slice(None)] if together else [slice(k, k + 1) for k in range(6)]
+        with pytest.raises(PoseError, match=re.escape(remedy)):
+            for step in steps:
+                occupancy.integrate(depth[step], CAMERA, given[step], **options)
+    occupancy = OccupancyMap(0.05)
+    for k in range(6):
+        occupancy.integrate(depth[k : k + 1], CAMERA, poses[k : k + 1])
+
+
+def test_long_lists_of_blocks(device, monkeypatch):
+    """Images that change more blocks than the list has room for are not lost."""
+    scene, poses = build(device), around(3)
+    depth = noisy_depth(scene, poses)
+    maps = []
+    for length in (_occupancy_batch._MIN_LISTED, 3):
+        monkeypatch.setattr(_occupancy_batch, "_MIN_LISTED", length)
+        maps.append(OccupancyMap(0.05, device=device))
+        maps[-1].integrate(depth, CAMERA, poses, sigma=sigma)
+        maps[-1].integrate(depth[:1], CAMERA, poses[:1], sigma=sigma)
+    first, second = (one.voxel_map(BOX).states.numpy() for one in maps)
+    np.testing.assert_array_equal(first, second)
+    assert maps[0]._blocks.used_slots == maps[1]._blocks.used_slots > 3

@@ -14,7 +14,15 @@ import warpvis as wv
 from warpvis import Label, Visibility, cli
 from warpvis.scenes.shapes import ball, floor, person, robot, standing_box
 from warpvis.viewer import ViewerState
-from warpvis.visibility import Agent, FieldOfView, State, object_visibility, perspective
+from warpvis.visibility import (
+    Agent,
+    Candidate,
+    FieldOfView,
+    State,
+    choose_likeliest,
+    object_visibility,
+    perspective,
+)
 
 DEGREE = math.pi / 180
 ROBOT_EYES = wv.look_at((-2, 0, 0.5), (0, 0.2, 0.2))
@@ -438,3 +446,14 @@ def test_fraction_format_reserves_zero_and_one_for_exact_values(fraction, text, 
     if fraction != 0.006:
         assert format_percent(fraction) == percent
     assert format_percent(0.00004, digits=2) == "<0.01 %" and format_percent(0.9999, digits=1) == ">99.9 %"
+
+
+def test_likeliest_candidates_of_several_people():
+    def candidate(name, probability):
+        return Candidate(name, probability, 0.5, 0.1, None, 0.01, True, State.SECOND, 0.0)
+
+    ada = [candidate("cup", 0.7), candidate("vase", 0.2), candidate("box", 0.1)]
+    bo = [candidate("vase", 0.6), candidate("cup", 0.3), candidate("bowl", 0.1)]
+    found = choose_likeliest(item for person in (ada, bo) for item in person)
+    assert [id(item) for item in found] == [id(item) for item in (ada[0], bo[0], ada[2], bo[2])]
+    assert choose_likeliest([]) == []

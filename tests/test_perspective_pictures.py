@@ -309,8 +309,8 @@ def test_labels_none_selects_all_but_ground(case):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"agents": 1}, "agents must be two agents of seen, got 'robot'"),
-        ({"agents": "cat"}, "agents must be two agents of seen, got 'robot', 'cat'"),
+        ({"agents": 1}, "agents must be two or more different agents of seen, got 'robot'"),
+        ({"agents": "cat"}, "agents must be two or more different agents of seen, got 'robot', 'cat'"),
         ({"view": 1}, "view must be an index from 0 into 1 situation, got 1"),
         ({"labels": ["cup"]}, "label must be one of "),
         ({"eye": (0, 0)}, "eye must be three finite numbers"),

@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings in ROS bags: every storage and encoding against a room computed in double precision."""
 
+import gc
 import pickle
 import struct
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +15,7 @@ import pytest
 import warpvis as wv
 from warpvis.io import encode_png
 
+from support.recorded_warnings import recorded_warnings
 from support.recording_bags import (
     FRAME,
     KINDS,
@@ -60,6 +63,30 @@ def test_bag(tmp_path, kind, encoding):
     if kind != "ros1":
         (file,) = (*path.glob("*.mcap"), *path.glob("*.db3"))
         np.testing.assert_array_equal(wv.open_recording(file)[2].depth, recording[2].depth)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bags_are_closed_with_their_last_reference(tmp_path, kind):
+    def read():
+        recording = wv.open_recording(path, world_frame="map")
+        with ThreadPoolExecutor(2) as pool:
+            depths = list(pool.map(lambda frame: frame.depth, recording))
+        link = "/link" if kind == "ros1" else "link"
+        return len(depths), len(wv.io.read_frames(path, topic=f"/tf_static:{link}"))
+
+    path = write_room(tmp_path / "walk", kind)
+    gc.collect()  # of other tests
+    with recorded_warnings(category=ResourceWarning) as caught:
+        assert read() == (3, 1)
+        assert not open_files(path)  # rosbags' readers are cyclic: only a collection would close them
+        gc.collect()
+    assert not caught
+
+
+def open_files(path):
+    """Return the files at a path that this process has open, on Linux."""
+    files = [entry.readlink() for entry in Path("/proc/self/fd").glob("*") if entry.is_symlink()]
+    return [file for file in files if str(file).startswith(str(path))]
 
 
 def test_values_that_are_no_depth(tmp_path):

@@ -18,6 +18,7 @@ pytest.importorskip("rosbags.typesys")
 import ros_messages
 
 import warpvis as wv
+from warpvis.scene.lights import HEADLIGHT
 
 from support.ros_nodes import Buffer, Missing, Node, Time
 
@@ -36,6 +37,7 @@ URDF = """
     <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
     <visual>
       <origin xyz="0.3 0 0" rpy="0 0 1.5707963267948966"/><geometry><box size="0.6 0.02 0.04"/></geometry>
+      <material name="red"><color rgba="1 0 0 1"/></material>
     </visual>
   </link>
   <link name="tool"><visual><geometry><mesh filename="package://somewhere/tool.stl"/></geometry></visual></link>
@@ -111,11 +113,11 @@ def test_links_are_read_in_their_frames(example):
     with pytest.warns(UserWarning, match=r"link tool is not shown: .*skipped package://somewhere/tool\.stl"):
         links = example.read_links(URDF)
     assert set(links) == {"base", "hand"}
-    bounds = {name: (vertices.min(axis=0), vertices.max(axis=0)) for name, (vertices, _) in links.items()}
+    bounds = {name: (link.vertices.min(axis=0), link.vertices.max(axis=0)) for name, link in links.items()}
     np.testing.assert_allclose(bounds["base"], [(-0.1, -0.1, 0), (0.1, 0.1, 0.3)], atol=1e-6)
     np.testing.assert_allclose(bounds["hand"], [(0.29, -0.3, -0.02), (0.31, 0.3, 0.02)], atol=1e-6)
-    vertices, faces = links["base"]
-    assert trimesh.Trimesh(vertices, faces, process=False).body_count == 2 and len(faces) == 24
+    base = links["base"]
+    assert trimesh.Trimesh(base.vertices, base.faces, process=False).body_count == 2 and len(base.faces) == 24
     bare = (
         '<robot name="r"><link name="a"><collision><geometry><box size="1 1 1"/></geometry></collision></link></robot>'
     )
@@ -125,8 +127,8 @@ def test_links_are_read_in_their_frames(example):
 def test_packages_are_found_on_the_search_path(example, tmp_path):
     (tmp_path / "somewhere").mkdir()
     trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "somewhere" / "tool.stl")
-    vertices, _ = example.read_links(URDF, [str(tmp_path)])["tool"]
-    np.testing.assert_allclose(np.ptp(vertices, axis=0), (0.1, 0.2, 0.3), atol=1e-6)
+    tool = example.read_links(URDF, [str(tmp_path)])["tool"]
+    np.testing.assert_allclose(np.ptp(tool.vertices, axis=0), (0.1, 0.2, 0.3), atol=1e-6)
 
 
 @pytest.mark.filterwarnings("ignore:link tool")
@@ -163,23 +165,31 @@ def test_node_publishes_rendered_images_and_visibility(start, lab):
     assert node.warned[1:] == ["tf does not know base yet, so it is not shown"]
     assert {topic: len(sent) for topic, sent in node.published.items()} == {
         "depth/image_rect": 2,
+        "color/image_rect": 2,
         "camera_info": 2,
         "points": 2,
         "visibility": 2,
     }
-    image, info, cloud, text = (sent[0] for sent in node.published.values())
+    image, colors, info, cloud, text = (sent[0] for sent in node.published.values())
 
     scene = lab_with(cup=(2, 0, 0.5))
     hand = trimesh.creation.box((0.02, 0.6, 0.04))
     scene.add(hand, name="hand", label="robot", pose=(1.3, 0, 0.5, 0, 0, 0, 1))
+    scene.lights = (HEADLIGHT,)  # that of a mesh file without lights
     camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.2, far=3.0)
     expected = wv.render(scene, camera, EYE, outputs=("depth",)).depth.numpy()[0]
     np.testing.assert_allclose(wv.io.from_image_msg(image), expected, atol=1e-5)
     assert np.isposinf(expected).any() and np.isfinite(expected).any()
     assert wv.Camera.from_camera_info(info, near=0.2, far=3.0) == camera
-    points = np.frombuffer(cloud.data, dtype="<f4").reshape(48, 64, 3)
-    assert (np.isfinite(points[..., 2]) == np.isfinite(expected)).all()
-    for message in (image, info, cloud):
+    points = np.frombuffer(cloud.data, dtype=[("xyz", "<f4", 3), ("bgr", "u1", 3), ("zero", "u1")]).reshape(48, 64)
+    assert (np.isfinite(points["xyz"][..., 2]) == np.isfinite(expected)).all()
+    color = wv.io.from_color_msg(colors)
+    views = wv.render(scene, camera, EYE, outputs=("color", "segmentation"))
+    is_hand = views.segmentation.numpy()[0] == scene.index("hand")
+    np.testing.assert_array_equal(color[~is_hand], views.color.numpy()[0][~is_hand])
+    assert (color[is_hand][:, 0] == 255).all() and (color[is_hand][:, 1:] < 128).all()  # red, with MuJoCo's highlight
+    np.testing.assert_array_equal(points["bgr"][..., ::-1], color)
+    for message in (image, colors, info, cloud):
         assert (message.header.frame_id, message.header.stamp.sec) == (EYE_FRAME, 3)
         assert message.header.stamp.nanosec == 500_000_000
     told = json.loads(text.data)
@@ -224,6 +234,7 @@ def test_camera_info_topic_defines_the_camera(start, lab):
     image, info = (node.published[topic][1] for topic in ("depth/image_rect", "camera_info"))
     assert isinstance(info, kind) and wv.Camera.from_camera_info(info) == camera
     assert (image.encoding, image.width, image.height, image.step) == ("16UC1", 40, 30, 80)
+    assert not node.published["color/image_rect"]  # the scene has no colors
     depth = wv.render(wv.Scene.load(lab), wv.Camera(40, 30, 38.0, 37.0, 19.3, 15.6, 0.3, 3.0), EYE).depth.numpy()[0]
     expected = np.where(np.isfinite(depth), np.rint(depth * 1000.0), 0)
     assert np.abs(np.frombuffer(image.data, dtype="<u2").reshape(30, 40) - expected).max() <= 1

@@ -25,6 +25,8 @@ import warpvis as wv
 from warpvis.errors import CameraError, IntrinsicsWarning, MessageError
 from warpvis.io import from_image_msg, to_image_msg, to_pointcloud2
 
+from support.recorded_warnings import recorded_warnings
+
 CAMERA = wv.Camera(40, 30, 38.0, 37.0, 19.3, 15.6)
 FRAME = {"frame_id": "eye", "types": STORE}
 
@@ -121,7 +123,7 @@ def test_binning_and_roi_match_image_geometry(binning, roi, expected, rectified)
 def test_right_camera_of_stereo_pair_warns():
     """Tx = -fx B: the camera is B to the right of the frame that both share."""
     p = [480.0, 0, 318.4, -480.0 * 0.12, 0, 480.0, 241.3, 0, 0, 0, 1, 0]
-    with pytest.warns(IntrinsicsWarning, match=r"stereo pair, at x = 0\.12 m, y = 0 m in the frame") as said:
+    with recorded_warnings(r"stereo pair, at x = 0\.12 m, y = 0 m in the frame", IntrinsicsWarning) as said:
         camera = wv.Camera.from_camera_info(info(p=p, binning=(2, 2)))
     assert said[0].filename == __file__ and camera.fx == 240.0
 
@@ -209,7 +211,7 @@ def test_millimeters_are_rounded_half_to_even():
 
 
 def test_depths_beyond_16_bits_warn():
-    with pytest.warns(UserWarning, match=r"^pixels have a depth that 16 bits .*: 1 in all$") as said:
+    with recorded_warnings(r"^pixels have a depth that 16 bits .*: 1 in all$") as said:
         message = to_image_msg(ODD, encoding="16UC1", **FRAME)
     assert said[0].filename == __file__
     assert (message.encoding, message.step) == ("16UC1", 6)

@@ -12,6 +12,8 @@ import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 
+from support.recorded_warnings import recorded_warnings
+
 BOX = "Solid { translation 0 0 3 name %s children [ Shape { geometry Box { size 1 2 4 } } ] }"
 
 
@@ -97,7 +99,7 @@ def test_buffers_are_found_on_the_search_path(folder):
 
 
 def test_geometry_without_triangles_warns_or_raises(folder):
-    with pytest.warns(UserWarning, match="boxes.glb: left out 'laser', which hold lines or points") as caught:
+    with recorded_warnings("boxes.glb: left out 'laser', which hold lines or points") as caught:
         scene = Scene.load(folder / "boxes.glb")
     assert len(caught) == 1 and caught[0].filename == __file__
     assert {item.name for item in scene} == {"ball", "wall"}
@@ -106,7 +108,7 @@ def test_geometry_without_triangles_warns_or_raises(folder):
 
 
 def test_strict_applies_to_worlds(folder):
-    with pytest.warns(UserWarning, match="skipped UnheardOf") as caught:
+    with recorded_warnings("skipped UnheardOf") as caught:
         Scene.load(folder / "unknown.wbt")
     assert len(caught) == 1 and caught[0].filename == __file__
     with pytest.raises(FileFormatError, match="skipped UnheardOf"):

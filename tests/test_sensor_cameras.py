@@ -11,6 +11,8 @@ import trimesh
 
 import warpvis as wv
 
+from support.recorded_warnings import recorded_warnings
+
 PROFILES = {
     **{
         name: getattr(wv.sensors, name)(64, 48)
@@ -77,8 +79,7 @@ def test_other_focal_length_warns(name):
     fx = sensor.camera().fx
     for factor, is_told in ((1.04, False), (1.5, True), (0.7, True)):
         camera = dataclasses.replace(sensor.camera(), fx=factor * fx, fy=factor * fx)
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
+        with recorded_warnings() as told:
             depth_of(sensor, camera, 2.0)
             depth_of(sensor, camera, 3.0)
         told = [one for one in told if str(one.message).startswith("fx of the camera is ")]

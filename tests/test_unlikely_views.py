@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests of warnings about likely mistakes: wxyz quaternions, scenes in millimeters, cameras inside of objects."""
 
-import warnings
-
 import numpy as np
 import pytest
 import trimesh
@@ -14,6 +12,8 @@ from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.rendering import seen_objects
 from warpvis.scenes import EXPERIMENTS
 from warpvis.scenes.shapes import floor
+
+from support.recorded_warnings import recorded_warnings
 
 KINECT = wv.Camera.from_fov(32, 24, hfov=1.0, near=0.3, far=4.5)
 ENDLESS = wv.Camera.from_fov(32, 24, hfov=1.0)
@@ -71,8 +71,7 @@ def table(scale=1.0):
 
 
 def said(work):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with recorded_warnings() as caught:
         work()
     return [str(item.message) for item in caught]
 
@@ -92,7 +91,7 @@ def test_wxyz_quaternions_warn(call, poses):
 
 
 def test_warning_names_the_caller():
-    with pytest.warns(UserWarning, match="upside down") as caught:
+    with recorded_warnings("upside down") as caught:
         wv.render(boxes(), ENDLESS, w_first(orbit(5)))
     assert caught[0].filename == __file__
 

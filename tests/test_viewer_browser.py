@@ -4,13 +4,27 @@
 
 import importlib.resources
 import io
-import time
+import itertools
 from pathlib import Path
 
 import numpy as np
 import pytest
-import viser.transforms
-from browser_pages import DESKTOP, PHONE, chromium, context_version, drawn_points, opened, screenshot, wait_for_points
+from browser_pages import (
+    DESKTOP,
+    PHONE,
+    chromium,
+    click,
+    context_version,
+    drawn_points,
+    holds_within,
+    is_beside_panel,
+    opened,
+    panel_box,
+    project,
+    screenshot,
+    wait_for_camera,
+    wait_for_points,
+)
 from PIL import Image
 
 from warpvis.cli import View
@@ -19,10 +33,12 @@ from warpvis.viewer import Viewer, ViewerState
 from warpvis.visibility import State
 from warpvis.viz import STATE_COLORS
 
+from support.picking import agents, table
+
 pytestmark = pytest.mark.browser
 
 PORT = 8431
-MAX_DRAGS = 3
+MAX_DRAGS, MAX_CLICKS = 3, 8
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +90,57 @@ def test_page_shows_experiment_3(browser, viewer, size):
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_page_shows_two_agents_at_the_aloha_table(browser, size):
     file = importlib.resources.files("mujoco_warp") / "test_data" / "aloha_pot" / "scene.xml"
-    state = View(file=Path(str(file)), robot="teleoperator_pov", human="collaborator_pov").load()
+    state = View(file=Path(str(file)), robot="teleoperator_pov", human=("collaborator_pov",)).load()
     with Viewer(state, port=PORT) as viewer, opened(browser, viewer.url, size) as page:
         wait_for_points(page, len(viewer.page.snapshot.points))
         assert table_of(page)[0][0] == "partnet_100015"
         assert screenshot(page, f"viewer_aloha_{'desktop' if size == DESKTOP else 'phone'}").std() > 20
+        assert page.problems == []
+
+
+def corners_of(scene):
+    """Return the corners of the boxes of all objects, ``(n, 3)``."""
+    return np.array([corner for item in scene.objects for corner in itertools.product(*item.bounds.T)])
+
+
+def test_phone_shows_the_whole_scene_and_a_folded_panel(browser, viewer):
+    corners = corners_of(viewer.state.scene)
+    with opened(browser, viewer.url, PHONE) as page:
+        assert holds_within(page, lambda: is_beside_panel(page, viewer.server, corners, PHONE))
+        assert holds_within(page, lambda: PHONE[1] - panel_box(page)[1] <= 60)
+        screenshot(page, "viewer_first_view_phone")
+        (client,) = viewer.server.get_clients().values()
+        pixels = project(client.camera, corners, PHONE)
+        assert np.ptp(pixels[:, 0]) > 0.8 * PHONE[0]  # no smaller than necessary
+        page.get_by_text("warpvis", exact=True).click()
+        assert holds_within(page, lambda: PHONE[1] - panel_box(page)[1] > 400)
+        wait_for_table(page, "out of view")
+        screenshot(page, "viewer_open_panel_phone")
+        turned = PHONE[::-1]
+        page.set_viewport_size({"width": turned[0], "height": turned[1]})
+        assert holds_within(page, lambda: is_beside_panel(page, viewer.server, corners, turned))
+        screenshot(page, "viewer_turned_phone")
+        assert page.problems == []
+
+
+def test_desktop_shows_the_whole_scene_beside_the_panel_until_it_is_moved(browser, viewer):
+    corners = corners_of(viewer.state.scene)
+    with opened(browser, viewer.url) as page:
+        assert holds_within(page, lambda: is_beside_panel(page, viewer.server, corners, DESKTOP))
+        assert panel_box(page)[3] - panel_box(page)[1] > 400
+        (client,) = viewer.server.get_clients().values()
+        for _ in range(MAX_DRAGS):  # slow software WebGL may lose a press of the mouse
+            wait_for_camera(page, client)
+            before = client.camera.position
+            drag(page, np.array([200, 600]), np.array([300, 600]))
+            if holds_within(page, lambda: np.linalg.norm(client.camera.position - before) > 0.5, seconds=20):  # noqa: B023
+                break
+        assert np.linalg.norm(client.camera.position - before) > 0.5
+        page.wait_for_timeout(2000)
+        moved = client.camera.position
+        viewer.page.first_view.extend(10 * corners)  # no longer moves the camera
+        page.wait_for_timeout(2000)
+        np.testing.assert_allclose(client.camera.position, moved, atol=1e-3)
         assert page.problems == []
 
 
@@ -112,6 +174,7 @@ def test_dragged_handle_changes_the_table(browser, viewer):
 
         # Slow software WebGL may lose a press of the mouse, or turn it into a turn of the camera: drag again then.
         for _ in range(MAX_DRAGS):
+            wait_for_camera(page, client)
             # The green arrow, which moves the ball behind the high obstacle.
             start, end = (project(client.camera, ball + (0, way, 0), DESKTOP) for way in (0.9 * gizmo.scale, 1.5))
             page.mouse.move(*start)
@@ -125,35 +188,60 @@ def test_dragged_handle_changes_the_table(browser, viewer):
         assert row.fractions[0] < 0.9
 
 
+def test_clicked_point_is_answered(browser):
+    with Viewer(ViewerState(table(), agents(), points=3000), port=PORT) as viewer, opened(browser, viewer.url) as page:
+        point = np.array([2.0, 0.15, 0.8])
+        page.locator(".warpvis-answers", has_text="Click a surface").wait_for(timeout=90_000)
+        wait_for_points(page, len(viewer.page.snapshot.points))
+        (client,) = viewer.server.get_clients().values()
+        for _ in range(MAX_CLICKS):  # slow software WebGL may lose a press of the mouse
+            wait_for_camera(page, client)
+            click(page, project(client.camera, point, DESKTOP))
+            if holds_within(page, lambda: viewer.page.snapshot.picked is not None, seconds=20):
+                break
+        picked = viewer.page.snapshot.picked
+        assert picked is not None, what_is_at(page, project(client.camera, point, DESKTOP))
+        np.testing.assert_allclose(picked.point, point, atol=0.02)
+        page.locator(".warpvis-answers", has_text=f"robot: {picked.reasons['robot']}").wait_for(timeout=90_000)
+        assert picked.object == "table" and picked.reasons["robot"].startswith("hidden by board at")
+        assert page.locator(".warpvis-answers div").last.inner_text() == "anna: visible"
+        screenshot(page, "viewer_picked")
+        before = page.locator("table.warpvis-meant").inner_text()
+        page.get_by_text("gaze", exact=True).click()
+        page.get_by_text("right [deg]").wait_for(timeout=90_000)
+        slider = page.get_by_role("slider").first
+        for _ in range(12):
+            slider.press("ArrowRight")
+        page.locator("table.warpvis-meant tbody tr").first.filter(has_text="cup").wait_for(timeout=90_000)
+        assert page.locator("table.warpvis-meant").inner_text() != before
+        assert holds_within(page, lambda: viewer.page.gaze.angles["anna"][0] == pytest.approx(np.radians(12)))
+        screenshot(page, "viewer_gaze")
+        assert page.problems == []
+
+
+def what_is_at(page, place):
+    """Return what a page shows of clicks: the element at a place [px], gestures, and the answers."""
+    element = "([x, y]) => { const e = document.elementFromPoint(x, y); return `${e?.tagName} ${e?.className}`; }"
+    gesture = "JSON.stringify([window.__viserPointer?.getGesture(), window.__viserPointer?.hasSceneClickFilter()])"
+    answers = page.locator(".warpvis-answers").all_inner_texts()
+    return f"{page.evaluate(element, list(place))}; {page.evaluate(gesture)}; {answers}; {page.problems}"
+
+
 def drag(page, start, end):
-    """Drag the mouse in six steps."""
+    """Drag the mouse in six steps, after it has been at the start for a while."""
+    page.mouse.move(*start.astype(float))
+    page.wait_for_timeout(100)
     page.mouse.down()
     for share in np.linspace(0.1, 1, 6):
         page.mouse.move(*(start + share * (end - start)))
     page.mouse.up()
 
 
-def holds_within(page, condition, seconds=60):
-    """Return whether a condition holds before the time is over: software WebGL may need seconds for each picture."""
-    deadline = time.monotonic() + seconds
-    while not condition() and time.monotonic() < deadline:
-        page.wait_for_timeout(100)
-    return condition()
-
-
 def is_yellow(page, place):
     """Return whether the page shows yellow at a place [px]."""
-    png = page.screenshot(clip={"x": place[0], "y": place[1], "width": 1, "height": 1})
+    png = page.screenshot(clip={"x": place[0], "y": place[1], "width": 1, "height": 1}, timeout=120_000)
     red, green, blue = Image.open(io.BytesIO(png)).convert("RGB").getpixel((0, 0))
     return min(red, green) > blue + 50
-
-
-def project(camera, point, size):
-    """Return where the page shows a world point [px]."""
-    width, height = size
-    inside = viser.transforms.SO3(np.asarray(camera.wxyz)).inverse() @ (np.asarray(point) - camera.position)
-    focal = height / 2 / np.tan(camera.fov / 2)
-    return np.array([width / 2, height / 2]) + focal * inside[:2] / inside[2]
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
@@ -170,5 +258,7 @@ def test_exported_file_opens_from_disk(browser, tmp_path, dark):
             assert page.title() == "Experiment 3"
             assert [url for url in page.requests if not url.startswith(("file:", "data:", "blob:"))] == []
             picture = screenshot(page, f"viewer_export_{'dark_' if dark else ''}{name}")
+            borders = picture[picture.shape[0] // 4 :, [0, 1, 2, -3, -2, -1]]
+            assert name == "desktop" or (borders == borders[0, 0]).all()  # the whole scene is on the page
             assert (picture.mean() < 128) == dark and picture.std() > 20
             assert page.problems == []

@@ -86,11 +86,13 @@ def test_reset_moves_the_handles_back(page):
 
 
 def test_images_and_meshes_follow_drags(page):
-    assert page.panel.images["robot"].image.shape == (240, 320, 3)
+    assert page.panel.images["robot"].image.shape == (240, 2 * 320 + 4, 3)  # color beside depth
+    page.meshes.kind = "visibility"
     index = page.state.scene.index("ball")
     assert tuple(page.meshes._meshes[index].color) == STATE_COLORS[State.BOTH]
     drag(page, page.gizmos.objects["ball"], (0.55, 1.0, 0.1))
     assert tuple(page.meshes._meshes[index].color) != STATE_COLORS[State.BOTH]
+    page.meshes.kind = "materials"
 
 
 def test_moves_by_the_program_are_shown(viewer):
@@ -134,7 +136,7 @@ def test_command_parses_options(tmp_path):
     command = View(
         file=tmp_path / "room.glb",
         robot="-1.77 0 0.7 0 0 0.4",
-        human="1.3 0.35 1.6 0.3 0.1 0.1",
+        human=("1.3 0.35 1.6 0.3 0.1 0.1",),
         robot_body=("robot",),
         human_body=("person",),
         movable=("ball,low*",),
@@ -227,7 +229,7 @@ MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="2 2 .1"/>
 
 def test_model_provides_cameras_and_joints(tmp_path):
     (tmp_path / "arm.xml").write_text(MODEL)
-    state = View(file=tmp_path / "arm.xml", robot="head", human="side").load()
+    state = View(file=tmp_path / "arm.xml", robot="head", human=("side",)).load()
     assert [tuple(agent.poses[0, :3]) for agent in state.agents.values()] == [(-2, 0, 1), (0, -2, 1)]
     with Viewer(state, port=PORT) as viewer:
         before = viewer.page.snapshot.object_poses[0].copy()
@@ -235,7 +237,7 @@ def test_model_provides_cameras_and_joints(tmp_path):
         viewer.update()
         assert not np.allclose(viewer.page.snapshot.object_poses[0], before)
         assert "joint turn" in viewer.page.panel.sliders
-    human = View(file=tmp_path / "arm.xml", robot="head", human="0 -2 1 0 0 0.4").load().agents["human"]
+    human = View(file=tmp_path / "arm.xml", robot="head", human=("0 -2 1 0 0 0.4",)).load().agents["human"]
     assert human.camera == wv.Agent.human("human", human.pose).camera and tuple(human.poses[0, :3]) == (0, -2, 1)
     labeled = View(file=tmp_path / "arm.xml", labels=("arm=object",)).load()
     assert labeled.scene["arm"].label == wv.Label.OBJECT and list(labeled.agents) == ["robot"]

@@ -130,6 +130,7 @@ def test_narrower_view_excludes_objects():
 def test_pictures_match_the_renderer():
     state, experiment = state_of(3), EXPERIMENTS[2]
     robot, _ = experiment.agents()
+    state.picture_kind = "depth"
     pictures = state.snapshot().pictures
     depth = wv.render(experiment.build(), robot.camera, robot.pose, exclude=robot.body).depth.numpy()[0]
     expected = depth_colors(depth, (robot.camera.near, robot.camera.far)).astype(int)

@@ -112,7 +112,7 @@ def test_page_shows_unknown_space_near_lines_of_sight(recorded, tmp_path):
         along = np.clip((cloud - eye) @ (center - eye) / ((center - eye) @ (center - eye)), 0, 1)
         distances = np.linalg.norm(cloud - eye - along[:, None] * (center - eye), axis=1)
         assert len(cloud) > 10 and distances.max() < 0.2
-        assert "here" in page._status.content and "means" in page._table.content
+        assert "here" in page._status.content and "warpvis-meant" in page.answers.answers.meant.content
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,8 @@ from warpvis.cli import main
 from warpvis.errors import FileFormatError, IntrinsicsWarning, SceneError
 from warpvis.webots import load_webots, recognize, render_range, segmentation_image
 
+from support.recorded_warnings import recorded_warnings
+
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="no ../shared/webots here")
@@ -196,7 +198,7 @@ def test_kinect_without_proto_file(tmp_path, version, at, apart):
 
 def test_kinect_in_a_slot_of_an_unknown_robot(tmp_path):
     text = 'Rover { translation 1 2 0 controller "x" extensionSlot [ Kinect { translation 0 0 1 } ] }' + wall(3)
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load_text(tmp_path, text)
     messages = [str(warning.message) for warning in caught]
     assert "skipped Rover (1 with 1 node in it)" in messages[0]

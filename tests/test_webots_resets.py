@@ -14,6 +14,8 @@ from warpvis import Scene
 from warpvis.errors import FileFormatError
 from warpvis.webots import load_webots
 
+from support.recorded_warnings import recorded_warnings
+
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
 GOOD = 'Solid { name "good" translation 9 0 0 children Shape { geometry Box { size 1 1 1 } } }\n'
 
@@ -23,8 +25,7 @@ def load(folder, text, version="R2023b", **options):
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "world.wbt"
     path.write_text(f"#VRML_SIM {version} utf8\n{GOOD}{text}")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with recorded_warnings() as caught:
         world = load_webots(path, **options)
     return world, [str(item.message) for item in caught]
 

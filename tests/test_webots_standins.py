@@ -16,6 +16,8 @@ from warpvis.errors import FileFormatError, SceneError
 from warpvis.webots import load_webots, recognize
 from warpvis.webots.protos._standins import KNOWN
 
+from support.recorded_warnings import recorded_warnings
+
 
 def load(folder, text, version="R2023b", **options):
     path = folder / "world.wbt"
@@ -27,8 +29,8 @@ def load(folder, text, version="R2023b", **options):
 def test_pedestrian_is_a_human_of_capsules(version, up, tmp_path):
     """As tall as Webots' pedestrian, with the soles on the ground, and wider than deep."""
     place = "3 0 1.27" if up == 2 else "3 1.27 0"
-    with pytest.warns(
-        UserWarning, match=r"used stand-ins for Pedestrian \(1\), .*: boxes, cylinders, and capsules for people"
+    with recorded_warnings(
+        r"used stand-ins for Pedestrian \(1\), .*: boxes, cylinders, and capsules for people"
     ) as caught:
         world = load(tmp_path, f'Pedestrian {{ translation {place} name "Ada" }}', version)
     assert len(caught) == 1 and world.stand_ins == {"Pedestrian": 1} and not world.skipped
@@ -126,7 +128,7 @@ def test_furniture_has_the_default_position_of_webots(tmp_path):
 def test_cars_and_small_robots_are_labeled_robots(tmp_path):
     """With or without a controller; before R2022a, a car's front points along z."""
     text = 'BmwX5Simple { translation 0 0 0.4 } E-puck { translation 9 0 0 controller "walk" sensors Camera { } }'
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load(tmp_path, text)
     assert "used stand-ins for BmwX5Simple (1), E-puck (1)" in str(caught[0].message)
     assert "'camera' is assumed to be at the origin of E-puck" in str(caught[1].message)
@@ -142,7 +144,7 @@ def test_cars_and_small_robots_are_labeled_robots(tmp_path):
 def test_long_lists_of_missing_files_are_truncated(tmp_path):
     """World.skipped contains all."""
     box = "Solid { children Shape { geometry Box { size 1 1 1 } } }"
-    with pytest.warns(UserWarning, match=r"skipped Thing0 \(2\), .*Thing11 \(1\), and 8 others, whose files") as caught:
+    with recorded_warnings(r"skipped Thing0 \(2\), .*Thing11 \(1\), and 8 others, whose files") as caught:
         world = load(tmp_path, box + " ".join(f"Thing{k} {{ }}" for k in [*range(20), 0]))
     assert len(world.skipped) == 20 and "Thing12" not in str(caught[0].message)
 
@@ -152,7 +154,7 @@ def test_unknown_nodes_with_a_size_are_boxes(tmp_path):
         'Crate { name "floor" translation 0 0 0 size 1 2 3 } Crate { name "air" translation 0 0 4 size 1 2 3 } '
         'Silo { name "silo" translation 9 0 0 radius 2 height 5 } Ghost { name "none" } Ghost { size 1 2 }'
     )
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load(tmp_path, text)
     assert world.stand_ins == {"Crate": 2, "Silo": 1} and world.skipped == {"Ghost": 2} and len(caught) == 1
     np.testing.assert_allclose(world.scene["floor"].bounds, [[-0.5, -1, 0], [0.5, 1, 3]], atol=1e-6)
@@ -192,7 +194,7 @@ def test_unknown_geometry_with_a_size_is_a_box(tmp_path):
 
 def test_devices_in_slots_of_a_stand_in_are_loaded(tmp_path):
     slot = 'slot Solid { children Camera { name "eye" } }'
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load(tmp_path, f"Cart {{ translation 2 0 0 size 1 1 1 {slot} }}")
     assert "'eye' is assumed to be at the origin of Cart" in str(caught[1].message)
     assert list(world.devices) == ["eye"] and len(world.scene) == 1
@@ -360,7 +362,7 @@ def test_backlash_joints_do_not_count_as_missing(tmp_path):
 def test_furniture_without_meshes_has_a_stand_in(tmp_path):
     """Not the incomplete object."""
     lacking(tmp_path, "Sofa", f"Shape {{ geometry Sphere {{ radius 9 }} }} {LOST}")
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load(tmp_path, "Sofa { translation 1 0 0 } Sofa { translation 4 0 0 }")
     assert len(caught) == 1 and not world.skipped and world.stand_ins == {"Sofa": 2}
     message = str(caught[0].message)
@@ -380,7 +382,7 @@ def test_pedestrian_without_meshes_is_a_human(tmp_path):
 
 def test_builtin_types_precede_incomplete_files(tmp_path):
     lacking(tmp_path, "Wall", "WallBoard { }")
-    with pytest.warns(UserWarning, match=r"ignored the file of Wall: .*: its WallBoard not found") as caught:
+    with recorded_warnings(r"ignored the file of Wall: .*: its WallBoard not found") as caught:
         world = load(tmp_path, "Wall { size 0.2 3 2 }")
     assert len(caught) == 1 and not world.stand_ins and not world.skipped
     np.testing.assert_allclose(np.ptp(world.scene["wall"].bounds, axis=0), [0.2, 3, 2], atol=1e-6)

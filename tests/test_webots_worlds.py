@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 import trimesh
 from command_line import run_inside
+from PIL import Image
 
 import warpvis as wv
 from warpvis import Label, Scene
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scenes import EXPERIMENTS
-from warpvis.webots import Version, load_webots, render_range
+from warpvis.webots import Version, load_webots, render_color, render_range
+
+from support.recorded_warnings import recorded_warnings
 
 WORLDS = Path(__file__).parent.parent / "scenes" / "webots"
 SHARED = Path(__file__).parent.parent.parent / "shared" / "webots"
@@ -198,7 +201,7 @@ def test_invalid_scales_are_corrected_as_in_webots(tmp_path):
 def test_skipped_nodes_are_named_once(tmp_path):
     text = "Spaceship { } Spaceship { } Group { children Comet { } }" + solid("", 'Mesh { url "none.obj" }') + solid("")
     (tmp_path / "protos").mkdir()
-    with pytest.warns(UserWarning) as caught:
+    with recorded_warnings() as caught:
         world = load_text(tmp_path, text, search_path=[tmp_path / "protos"])
     assert len(caught) == 1
     message = str(caught[0].message)
@@ -304,7 +307,7 @@ def test_malformed_proto_file_is_named(tmp_path):
         "#VRML_SIM R2023b utf8\nPROTO WoodenBox [ ] {\n Solid { ] }\n}\n"
     )
     text, files = "WoodenBox { }", [tmp_path / "files"]
-    with pytest.warns(UserWarning, match=r"ignored the file of WoodenBox: .*WoodenBox.proto:3: expected") as caught:
+    with recorded_warnings(r"ignored the file of WoodenBox: .*WoodenBox.proto:3: expected") as caught:
         assert len(load_text(tmp_path, text, search_path=files).scene) == 1  # the builtin type
     assert len(caught) == 1
     with pytest.raises(FileFormatError, match=r"WoodenBox.proto:3: expected"):
@@ -471,8 +474,11 @@ def test_render_writes_every_range_finder(tmp_path):
     exact = ("--version-exact", "--device-name", "range-finder", "--quiet")
     assert run_cli("render", path, "--out", "exact", *exact, cwd=tmp_path).stdout == ""
     world = load_webots(path)
+    picture = np.asarray(Image.open(tmp_path / "true" / "camera" / "color" / "000000.png"))
+    np.testing.assert_array_equal(picture, render_color(world, "camera"))
     for folder, version in (("true", None), ("exact", "header")):
-        assert [entry.name for entry in (tmp_path / folder).iterdir()] == ["range-finder"]
+        names = sorted(entry.name for entry in (tmp_path / folder).iterdir())
+        assert names == (["camera", "range-finder"] if version is None else ["range-finder"])
         stored = np.load(tmp_path / folder / "range-finder" / "depth.npz")
         np.testing.assert_array_equal(stored["depth"][0], render_range(world, "range-finder", webots_version=version))
         np.testing.assert_allclose(stored["camera_to_world"], world.devices["range-finder"].pose[None], atol=1e-6)
@@ -494,7 +500,7 @@ def test_render_accepts_poses_and_camera_for_worlds(tmp_path):
     ("arguments", "message"),
     [
         (("render", "box.stl", "--out", "out"), "give --poses"),
-        (("render", "world.wbt", "--out", "out"), "has no range finder or lidar; its devices are: none"),
+        (("render", "world.wbt", "--out", "out"), "has no range finder, lidar or camera; give --poses"),
         (("render", "world.wbt", "--out", "out", "--device-name", "eye"), "the world has no device 'eye'"),
         (("render", "world.wbt", "--out", "out", "--labels", "a=human"), "have their own poses: give no --labels"),
         (("render", "world.wbt", "--out", "out", "--format", "png"), "have their own poses: give no --format"),

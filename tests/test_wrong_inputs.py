@@ -3,7 +3,6 @@
 """What users do wrong with depth, cameras, poses and recordings: one sentence with the remedy, and no false alarms."""
 
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,8 @@ from PIL import Image
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
+
+from support.recorded_warnings import recorded_warnings
 
 CAMERA = wv.Camera(160, 120, 142.5, 142.5, 80, 60, near=0.3, far=8.0)
 K = CAMERA.to_K()
@@ -246,8 +247,7 @@ WRONG_RECORDINGS = {
 
 def outcome(call):
     """Return the message of the error or of the warnings of a call."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with recorded_warnings() as caught:
         try:
             call()
         except wv.WarpvisError as error:

@@ -37,6 +37,17 @@ def world_of(worlds: Worlds, view: int) -> int:
 
 
 @wp.func
+def row_of(worlds: Worlds, view: int, rows: int) -> int:
+    """Return the row of a view in an array with one row for all worlds or one for each, which may have no movables."""
+    world = view
+    if rows == 1:
+        world = 0
+    elif worlds.world:
+        world = worlds.world[view]
+    return wp.clamp(world, 0, rows - 1)
+
+
+@wp.func
 def is_excluded(worlds: Worlds, view: int, index: int) -> bool:
     """Return whether a view excludes an object."""
     if not worlds.excluded:

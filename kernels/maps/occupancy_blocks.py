@@ -34,6 +34,9 @@ NEVER_SEEN = wp.constant(wp.int16(VOXEL_NEVER_SEEN))
 NOT_MEASURED = wp.constant(wp.int16(VOXEL_HIDDEN))
 """Stored values of voxels in state UNKNOWN and HIDDEN, which are less than all log-odds."""
 
+MIN_VALUE, MAX_VALUE = VOXEL_NEVER_SEEN, 32767
+"""Bounds of stored values."""
+
 EMPTY, GROUND = wp.constant(wp.uint8(LABEL_EMPTY)), wp.constant(wp.uint8(LABEL_GROUND))
 
 SKIPPED, ENTIRELY_FREE, ENTIRELY_HIDDEN, MIXED = (wp.constant(wp.uint8(value)) for value in range(4))
@@ -78,95 +81,126 @@ def offset_in_block(voxel: wp.vec3i) -> int:
     return (voxel[0] % SIDE * SIDE + voxel[1] % SIDE) * SIDE + voxel[2] % SIDE
 
 
+@wp.struct
+class BlockBox:
+    """Blocks that an image may show."""
+
+    lower: wp.vec3i  # first block, counted from the world's origin
+    size: wp.vec3i
+    first_center: wp.vec3  # center of the first block in the camera frame [m]
+    step: wp.mat33  # in its rows the offsets to the next blocks along x, y and z [m]
+    extent: wp.vec3  # half the size of a block's bounding box along the camera's axes [m]
+
+
+FREE_SLOTS, LISTED, NEW = (wp.constant(index) for index in range(3))
+"""Columns of `BlockList.counts`."""
+
+
+@wp.struct
+class BlockList:
+    """The blocks that an image changes, and slots for those without one.
+
+    Each image has a row of `counts`: the number of free slots before it, of listed blocks, and of those without a slot.
+    Free slots are -1 if slots or the list did not suffice for an earlier image; then nothing happens until the host
+    adds some.
+    """
+
+    blocks: wp.array[wp.vec4i]  # x, y, z, and the update plus 4 times the number among the new ones, from 1 on
+    counts: wp.array2d[wp.int32]  # [image, column]
+    free_slots: wp.array[wp.int32]
+    ranges: wp.array2d[wp.int32]  # minimum and maximum value of each listed block
+
+
+@wp.func
+def is_stopped(listed: BlockList, image: int) -> bool:
+    """Return whether an earlier image waits for slots."""
+    return listed.counts[image, FREE_SLOTS] < 0
+
+
 @wp.kernel
 def list_blocks(
     # In:
+    image: int,
+    boxes: wp.array[BlockBox],
     blocks: Blocks,
-    lower: wp.vec3i,
     updates_in: wp.array3d[wp.uint8],
     # Out:
-    listed_out: wp.array[wp.vec4i],
-    counts_out: wp.array[wp.int32],
+    listed_out: BlockList,
 ):
-    """List the blocks that need an update as x, y, z and update; count them and those without a slot."""
+    """List the blocks that need an update, and count them and those without a slot."""
     i, j, k = wp.tid()
-    update = updates_in[i, j, k]
-    if update == SKIPPED:
+    if is_stopped(listed_out, image) or updates_in[i, j, k] == SKIPPED:
         return
-    block = lower + wp.vec3i(i, j, k)
-    row = wp.atomic_add(counts_out, 0, 1)
-    if row < listed_out.shape[0]:
-        listed_out[row] = wp.vec4i(block[0], block[1], block[2], int(update))
+    block = boxes[image].lower - blocks.first + wp.vec3i(i, j, k)
+    number = int(0)
     if blocks.slot[block[0], block[1], block[2]] < 0:
-        wp.atomic_add(counts_out, 1, 1)
+        number = wp.atomic_add(listed_out.counts, image, NEW, 1) + 1
+    row = wp.atomic_add(listed_out.counts, image, LISTED, 1)
+    if row < listed_out.blocks.shape[0]:
+        listed_out.blocks[row] = wp.vec4i(block[0], block[1], block[2], int(updates_in[i, j, k]) + 4 * number)
 
 
 @wp.kernel
 def fill_blocks(
     # In:
-    listed_in: wp.array[wp.vec4i],
-    free_slots: wp.array[wp.int32],
+    image: int,
+    rows: int,
+    parts: int,
     # Out:
+    listed_out: BlockList,
     blocks_out: Blocks,
-    taken_out: wp.array[wp.int32],
 ):
-    """Give slots from a list to the listed blocks without one; `taken_out` counts them."""
-    row = wp.tid()
-    block = listed_in[row]
-    if blocks_out.slot[block[0], block[1], block[2]] >= 0:
+    """Give slots to the listed blocks without one.
+
+    The launch has the shape ``(rows, parts)``; a thread writes every `parts`-th line of every `rows`-th block. If
+    there are too few slots, or too many blocks for the list, the next image's number of free slots remains -1.
+    """
+    first, part = wp.tid()
+    free, new = listed_out.counts[image, FREE_SLOTS], listed_out.counts[image, NEW]
+    count = listed_out.counts[image, LISTED]
+    if free < new or listed_out.blocks.shape[0] < count:
         return
-    slot = free_slots[wp.atomic_add(taken_out, 0, 1)]
-    value = blocks_out.uniform[block[0], block[1], block[2]]
-    for index in range(VOXELS):
-        blocks_out.voxels[slot, index] = value
-    blocks_out.uniform[block[0], block[1], block[2]] = NEVER_SEEN
-    blocks_out.slot[block[0], block[1], block[2]] = slot
-
-
-@wp.kernel
-def summarize_blocks(
-    # In:
-    blocks: Blocks,
-    listed_in: wp.array[wp.vec4i],
-    # Out:
-    summaries_out: wp.array[wp.int32],
-):
-    """Write for listed blocks 1 if their voxels all have one value, plus 2 if a voxel has never been seen."""
-    row = wp.tid()
-    slot = blocks.slot[listed_in[row][0], listed_in[row][1], listed_in[row][2]]
-    first = blocks.voxels[slot, 0]
-    is_uniform, has_unseen = int(1), int(0)
-    for index in range(VOXELS):
-        value = blocks.voxels[slot, index]
-        if value != first:
-            is_uniform = 0
-        if value == NEVER_SEEN:
-            has_unseen = 1
-        if is_uniform == 0 and has_unseen == 1:
-            break
-    summaries_out[row] = is_uniform + 2 * has_unseen
+    if first == 0 and part == 0:
+        listed_out.counts[image + 1, FREE_SLOTS] = free - new
+    for row in range(first, count, rows):
+        block = listed_out.blocks[row]
+        if part == 0:
+            listed_out.ranges[row, 0] = MAX_VALUE
+            listed_out.ranges[row, 1] = MIN_VALUE
+        number = block[3] / 4
+        if number > 0:
+            slot = listed_out.free_slots[free - number]
+            value = blocks_out.uniform[block[0], block[1], block[2]]
+            for line in range(part, VOXELS / SIDE, parts):
+                for k in range(SIDE):
+                    blocks_out.voxels[slot, line * SIDE + k] = value
+            if part == 0:
+                blocks_out.slot[block[0], block[1], block[2]] = slot
 
 
 @wp.kernel
 def release_blocks(
     # In:
-    listed_in: wp.array[wp.vec4i],
-    summaries_in: wp.array[wp.int32],
+    image: int,
+    rows: int,
     # Out:
+    listed_out: BlockList,
     blocks_out: Blocks,
-    free_slots_out: wp.array[wp.int32],
-    count_out: wp.array[wp.int32],
 ):
     """Take the slots of listed blocks whose voxels all have one value; note which others have a voxel never seen."""
-    row = wp.tid()
-    x, y, z = listed_in[row][0], listed_in[row][1], listed_in[row][2]
-    if summaries_in[row] % 2 == 0:
-        blocks_out.uniform[x, y, z] = wp.where(summaries_in[row] == 0, NOT_MEASURED, NEVER_SEEN)
+    first = wp.tid()
+    if is_stopped(listed_out, image + 1):
         return
-    slot = blocks_out.slot[x, y, z]
-    blocks_out.uniform[x, y, z] = blocks_out.voxels[slot, 0]
-    blocks_out.slot[x, y, z] = -1
-    free_slots_out[wp.atomic_add(count_out, 0, 1)] = slot
+    for row in range(first, listed_out.counts[image, LISTED], rows):
+        x, y, z = listed_out.blocks[row][0], listed_out.blocks[row][1], listed_out.blocks[row][2]
+        low, high = wp.int16(listed_out.ranges[row, 0]), wp.int16(listed_out.ranges[row, 1])
+        if low == high:
+            blocks_out.uniform[x, y, z] = low
+            place = wp.atomic_add(listed_out.counts, image + 1, FREE_SLOTS, 1)
+            listed_out.free_slots[place] = blocks_out.slot[x, y, z]
+            blocks_out.slot[x, y, z] = -1
+        else:
+            blocks_out.uniform[x, y, z] = wp.where(low == NEVER_SEEN, NEVER_SEEN, NOT_MEASURED)
 
 
 @wp.kernel

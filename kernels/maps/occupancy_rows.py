@@ -4,8 +4,9 @@
 
 import warp as wp
 
-from warpvis.kernels.maps.occupancy import MAX_SAME_SURFACE_STEP, TILE, DepthView, block_corner
-from warpvis.kernels.maps.occupancy_blocks import Blocks
+from warpvis.kernels.maps.occupancy import block_corner
+from warpvis.kernels.maps.occupancy_blocks import BlockList, Blocks
+from warpvis.kernels.maps.occupancy_images import MAX_SAME_SURFACE_STEP, TILE, DepthView
 from warpvis.kernels.native_source import include_native
 from warpvis.kernels.pinhole import Window, locate
 
@@ -17,8 +18,7 @@ wp.set_module_options(
 @wp.func_native(
     """
 const int width = depth_in.shape[2], height = depth_in.shape[1];
-const long long first = ((long long)view * height + y) * width;
-const float* depth = depth_in.data + first;
+const float* depth = depth_in.data + ((long long)image * height + y) * width;
 const warpvis::SurfaceRow row = {.width = width,
                                  .depth = depth,
                                  .above = y > 0 ? depth - width : nullptr,
@@ -27,12 +27,12 @@ const warpvis::SurfaceRow row = {.width = width,
                                  .reach = depth_view.reach,
                                  .sigma = &depth_view.sigma[0],
                                  .max_step = max_step};
-row.bound((float*)bounds_out.data + 2 * first);
+row.bound((float*)bounds_out.data + 2LL * y * width);
 """
 )
 def bound_row(
     depth_view: DepthView,
-    view: int,
+    image: int,
     y: int,
     max_step: float,
     depth_in: wp.array3d[float],
@@ -44,16 +44,17 @@ def bound_row(
 def bound_surface(
     # Cameras:
     window: Window,
-    depth_view: DepthView,
+    image: int,
+    views: wp.array[DepthView],
     # In:
     depth_in: wp.array3d[float],
     # Out:
     bounds_out: wp.array3d[wp.vec2],
 ):
-    """Write the intervals of `occupancy.bound_surface`; each thread of the kernel takes a row of pixels."""
-    view, y, _x = wp.tid()
-    view, y = locate(window, view, y)
-    bound_row(depth_view, view, y, MAX_SAME_SURFACE_STEP, depth_in, bounds_out)
+    """Write the intervals of `occupancy_images.bound_surface`; each thread of the kernel takes a row of pixels."""
+    index, y, _x = wp.tid()
+    index, y = locate(window, index, y)
+    bound_row(views[image], image, y, MAX_SAME_SURFACE_STEP, depth_in, bounds_out)
 
 
 @wp.func_native(
@@ -67,7 +68,7 @@ for (int i = 0; i < 3; ++i) {
 const double focal[2] = {depth_view.camera.fx, depth_view.camera.fy};
 const double center[2] = {depth_view.camera.cx, depth_view.camera.cy};
 const warpvis::DepthRow row = {.width = width,
-                               .depth = depth_in.data + ((long long)view * depth_in.shape[1] + y) * width,
+                               .depth = depth_in.data + ((long long)image * depth_in.shape[1] + y) * width,
                                .range = warpvis::DepthRange::of(depth_view.camera.near, depth_view.reach),
                                .origin = pose.position,
                                .directions = warpvis::RowDirections::of(pose, focal, center, y, nullptr)};
@@ -81,7 +82,7 @@ grid.mark(row, marks_out.data, marked_slots_out.data);
 )
 def mark_row(
     depth_view: DepthView,
-    view: int,
+    image: int,
     y: int,
     blocks: Blocks,
     depth_in: wp.array3d[float],
@@ -94,7 +95,8 @@ def mark_row(
 def mark_points(
     # Cameras:
     window: Window,
-    depth_view: DepthView,
+    image: int,
+    views: wp.array[DepthView],
     # In:
     blocks: Blocks,
     depth_in: wp.array3d[float],
@@ -103,9 +105,9 @@ def mark_points(
     marked_slots_out: wp.array[wp.uint8],
 ):
     """Mark voxels as `occupancy.mark_points` does; each thread of the kernel takes a row of pixels."""
-    view, y, _x = wp.tid()
-    view, y = locate(window, view, y)
-    mark_row(depth_view, view, y, blocks, depth_in, marks_out, marked_slots_out)
+    index, y, _x = wp.tid()
+    index, y = locate(window, index, y)
+    mark_row(views[image], image, y, blocks, depth_in, marks_out, marked_slots_out)
 
 
 @wp.func_native(
@@ -143,7 +145,8 @@ for (int i = 0; i < 3; ++i) {
     position[i] = (float)place;
 }
 const auto summary = update == 3 ? block.update(depth, sight, position) : block.update(depth, update == 1);
-return summary.is_uniform() + 2 * summary.has_unseen();
+ranges_out.data[2 * row] = summary.low();
+ranges_out.data[2 * row + 1] = summary.high();
 """
 )
 def update_block(
@@ -157,33 +160,45 @@ def update_block(
     tiles_in: wp.array3d[wp.vec3],
     marks_out: wp.array2d[wp.uint8],
     marked_slots_out: wp.array[wp.uint8],
-) -> int: ...
+    row: int,
+    ranges_out: wp.array2d[wp.int32],
+): ...
 
 
 @wp.kernel
 def update_voxels(
     # Cameras:
     window: Window,
-    view: DepthView,
+    image: int,
+    views: wp.array[DepthView],
     # In:
-    listed_in: wp.array[wp.vec4i],
     bounds_in: wp.array3d[wp.vec2],
     tiles_in: wp.array3d[wp.vec3],
     # Out:
+    listed_out: BlockList,
     blocks_out: Blocks,
     marks_out: wp.array2d[wp.uint8],
     marked_slots_out: wp.array[wp.uint8],
-    summaries_out: wp.array[wp.int32],
 ):
-    """Update and summarize listed blocks, one per thread, as `update_voxels` and `summarize_blocks` of CUDA do."""
+    """Update listed blocks and write the ranges of their values, one block per thread."""
     row, i, _j = wp.tid()
     row, i = locate(window, row, i)
 
-    block = wp.vec3i(listed_in[row][0], listed_in[row][1], listed_in[row][2])
+    view = views[image]
+    x, y, z = listed_out.blocks[row][0], listed_out.blocks[row][1], listed_out.blocks[row][2]
     half = wp.float64(0.5) * blocks_out.cell
-    center = block_corner(view, blocks_out, block) + wp.vec3d(half, half, half)
-    slot = blocks_out.slot[block[0], block[1], block[2]]
-    update = listed_in[row][3]
-    summaries_out[row] = update_block(
-        view, blocks_out, slot, update, center, bounds_in, TILE, tiles_in, marks_out, marked_slots_out
+    center = block_corner(view, blocks_out, wp.vec3i(x, y, z)) + wp.vec3d(half, half, half)
+    update_block(
+        view,
+        blocks_out,
+        blocks_out.slot[x, y, z],
+        listed_out.blocks[row][3] % 4,
+        center,
+        bounds_in,
+        TILE,
+        tiles_in,
+        marks_out,
+        marked_slots_out,
+        row,
+        listed_out.ranges,
     )

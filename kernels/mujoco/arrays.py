@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of MuJoCo's arrays on the device: poses of geoms and cameras, sizes, visibility, and geom ids."""
+"""Conversion of MuJoCo's arrays on the device: poses of geoms and cameras, sizes, visibility, and ids of objects."""
 
 import warp as wp
 
@@ -156,3 +156,21 @@ def geoms_of_objects(
         geoms_out[pixel] = -1
     else:
         geoms_out[pixel] = geom_ids[index]
+
+
+@wp.kernel
+def pairs_of_objects(
+    # In:
+    objects: wp.array[wp.int32],
+    pairs: wp.array[wp.vec2i],
+    # Out:
+    pairs_out: wp.array2d[wp.int32],
+):
+    """Write a pair of numbers of every pixel's object; -1 and -1 without an object."""
+    pixel = wp.tid()
+    index = objects[pixel]
+    pair = wp.vec2i(-1, -1)
+    if index >= 0:
+        pair = pairs[index]
+    pairs_out[pixel, 0] = pair[0]
+    pairs_out[pixel, 1] = pair[1]

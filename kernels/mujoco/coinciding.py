@@ -12,7 +12,7 @@ from warpvis.kernels.casting.solids import to_shape
 from warpvis.kernels.casting.triangle_scene import stretched_corner
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.constants import SOLID_BALL, SOLID_CYLINDER
-from warpvis.kernels.pinhole import PinholeCamera, Window, locate, pixel_ray, pose_origin, pose_rotation
+from warpvis.kernels.pinhole import PinholeCamera, pixel_ray, pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -223,6 +223,39 @@ def seen_in(segmentation: wp.array3d[wp.int32], faces: wp.array3d[wp.int32], vie
     return wp.vec2i(segmentation[view, y, x], face)
 
 
+@wp.func
+def show_last(
+    coinciding: Coinciding,
+    camera: PinholeCamera,
+    pose: wp.transform,
+    worlds: Worlds,
+    view: int,
+    y: int,
+    x: int,
+    depth: wp.array3d[float],
+    cull_backfaces: bool,
+    segmentation_out: wp.array3d[wp.int32],
+    labels_out: wp.array3d[wp.uint8],
+    faces_out: wp.array3d[wp.int32],
+):
+    """Replace the visible object of a pixel by the last object whose surface coincides there."""
+    seen = seen_in(segmentation_out, faces_out, view, y, x)
+    if seen[0] < 0 or coinciding.first_pair[seen[0] + 1] <= coinciding.first_pair[seen[0]]:
+        return
+    last = coinciding.first_pair[seen[0] + 1] - 1
+    shown = wp.vec2i(coinciding.later[last], seen[1])
+    if coinciding.mode[last] != ALWAYS or is_excluded(worlds, view, shown[0]):
+        origin, ray = pose_origin(pose), wp.quat_rotate(pose_rotation(pose), pixel_ray(camera, y, x))
+        seen_depth = wp.float64(depth[view, y, x])
+        shown = last_coinciding(coinciding, worlds, view, seen, origin, ray, seen_depth, cull_backfaces)
+    if shown[0] != seen[0]:
+        segmentation_out[view, y, x] = shown[0]
+        if labels_out:
+            labels_out[view, y, x] = coinciding.label[shown[0]]
+        if faces_out:
+            faces_out[view, y, x] = shown[1]
+
+
 @wp.kernel
 def show_later(
     # Scene:
@@ -230,12 +263,10 @@ def show_later(
     # Cameras:
     camera: PinholeCamera,
     camera_to_world: wp.array[wp.transform],
-    window: Window,
     # In:
     worlds: Worlds,
     depth: wp.array3d[float],
     cull_backfaces: bool,
-    span: int,
     # Out:
     segmentation_out: wp.array3d[wp.int32],
     labels_out: wp.array3d[wp.uint8],
@@ -243,23 +274,20 @@ def show_later(
 ):
     """Replace each visible object by the last object whose surface coincides there and that the view does not exclude.
 
-    Each thread takes `span` pixels of a row, because starting a thread on the CPU takes longer than most pixels.
+    For GPUs; `coinciding_rows.show_later_rows` does the same on CPU cores.
     """
-    view, y, part = wp.tid()
-    view, y = locate(window, view, y)
-
-    origin, rotation = pose_origin(camera_to_world[view]), pose_rotation(camera_to_world[view])
-    for x in range(part * span, wp.min((part + 1) * span, segmentation_out.shape[2])):
-        seen = seen_in(segmentation_out, faces_out, view, y, x)
-        if seen[0] >= 0 and coinciding.first_pair[seen[0] + 1] > coinciding.first_pair[seen[0]]:
-            last = coinciding.first_pair[seen[0] + 1] - 1
-            shown = wp.vec2i(coinciding.later[last], seen[1])
-            if coinciding.mode[last] != ALWAYS or is_excluded(worlds, view, shown[0]):
-                ray, seen_depth = wp.quat_rotate(rotation, pixel_ray(camera, y, x)), wp.float64(depth[view, y, x])
-                shown = last_coinciding(coinciding, worlds, view, seen, origin, ray, seen_depth, cull_backfaces)
-            if shown[0] != seen[0]:
-                segmentation_out[view, y, x] = shown[0]
-                if labels_out:
-                    labels_out[view, y, x] = coinciding.label[shown[0]]
-                if faces_out:
-                    faces_out[view, y, x] = shown[1]
+    view, y, x = wp.tid()
+    show_last(
+        coinciding,
+        camera,
+        camera_to_world[view],
+        worlds,
+        view,
+        y,
+        x,
+        depth,
+        cull_backfaces,
+        segmentation_out,
+        labels_out,
+        faces_out,
+    )

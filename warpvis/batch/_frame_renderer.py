@@ -85,6 +85,8 @@ class FrameRenderer:
         device: DeviceLike = None,
         threads: int | None = None,
         caster: CasterName = "auto",
+        shadows: bool = True,
+        samples: int = 1,
     ) -> None:
         """Prepare to render.
 
@@ -103,6 +105,8 @@ class FrameRenderer:
             device: Device to render on; the scene's device by default.
             threads: CPU threads to use; all cores of this process by default.
             caster: As for `Renderer`.
+            shadows: As for `Renderer`.
+            samples: As for `Renderer`.
         """
         self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
@@ -125,6 +129,7 @@ class FrameRenderer:
         self._renderer = None
         if self.images:
             options: dict[str, Any] = {"caster": caster, "threads": threads, "sensor": sensor, "seed": seed}
+            options |= {"shadows": shadows, "samples": samples}
             self._renderer = Renderer(self.scene, self.camera, outputs=self.images, **options)
 
     def __call__(self, batch: Batch) -> dict[str, np.ndarray]:

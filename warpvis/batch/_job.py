@@ -71,6 +71,11 @@ class Plan:
     """Seed of the sensor's random numbers, which is combined with each frame's number."""
 
     @property
+    def has_colors(self) -> bool:
+        """Whether an output depends on appearances."""
+        return not {"color", "albedo"}.isdisjoint(self.outputs)
+
+    @property
     def shard_count(self) -> int:
         """Number of shards."""
         return -(-len(self.frames) // self.shard_frames)

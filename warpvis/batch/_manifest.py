@@ -11,7 +11,9 @@ import hashlib
 import json
 import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from importlib import metadata
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -62,7 +64,15 @@ class Contents(NamedTuple):
 
 
 def make_manifest(
-    plan: Plan, scene: Scene, layout: Format, *, device: str, source: str | None, caster: str
+    plan: Plan,
+    scene: Scene,
+    layout: Format,
+    *,
+    device: str,
+    source: str | None,
+    caster: str,
+    shadows: bool,
+    samples: int,
 ) -> Manifest:
     """Make a job's manifest; it depends only on the job's arguments, so it is the same in every call.
 
@@ -78,7 +88,7 @@ def make_manifest(
         "frames": len(frames),
         "shard_frames": plan.shard_frames,
         "camera": plan.camera.to_dict(),
-        "scene": {"file": source, **describe_scene(scene)},
+        "scene": {"file": source, **describe_scene(scene), **(_describe_colors(scene) if plan.has_colors else {})},
         "objects": [plan.object_names[index] for index in plan.chosen],
         "exclude": [plan.object_names[index] for index in plan.exclude],
         "poses": {"source": dict(frames.source), "sha256": frames_hash(frames)},
@@ -87,6 +97,7 @@ def make_manifest(
         "sensor_seed": None if plan.sensor is None else plan.sensor_seed,
         "device": device,
         "caster": caster,
+        **({"shadows": shadows, "samples": samples} if plan.has_colors else {}),
         "versions": versions(*packages),
     }
 
@@ -145,6 +156,35 @@ def describe_scene(scene: Scene) -> dict[str, Json]:
     }
     names = {str(number): name for number, name in scene.label_names.items()}
     return {"up": scene.up, "sha256": hash_values(scene.up, *hashes), "label_names": names, "objects": objects}
+
+
+def _describe_colors(scene: Scene) -> dict[str, Json]:
+    """Return hashes of the scene's appearances, and of its lights and background."""
+    appearances = [value for item in scene.objects for value in _contents(item.appearance)]
+    lights = [value for light in scene.lights for value in _contents(light)]
+    return {
+        "appearances": {"sha256": hash_values(*appearances)},
+        "lights": {"sha256": hash_values(*lights, *_contents(scene.background))},
+    }
+
+
+def _contents(value: object) -> Iterator[object]:
+    """Yield the numbers, texts and arrays of an appearance or a light, and the bytes of image files, without names."""
+    if is_dataclass(value):
+        yield type(value).__name__
+        for item in fields(value):
+            if item.name != "name":
+                yield from _contents(getattr(value, item.name))
+    elif isinstance(value, Mapping):
+        yield from _contents(tuple(value.items()))
+    elif isinstance(value, tuple | list):
+        yield len(value)
+        for part in value:
+            yield from _contents(part)
+    elif isinstance(value, Path):
+        yield np.frombuffer(value.read_bytes(), dtype=np.uint8) if value.is_file() else "missing"
+    else:
+        yield np.frombuffer(value, dtype=np.uint8) if isinstance(value, bytes) else value
 
 
 def frames_hash(frames: Frames) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
-from warpvis.rendering import CasterName, DepthSensor, check_word, pixel_bytes, require_sensor
+from warpvis.rendering import CasterName, DepthSensor, check_samples, check_word, pixel_bytes, require_sensor
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import choose_objects
 
@@ -102,6 +102,8 @@ def render_batch(
     device: DeviceLike = None,
     threads: int | None = None,
     caster: CasterName = "auto",
+    shadows: bool = True,
+    samples: int = 1,
     engine: Engine = "local",
     workers: int | None = None,
     address: str | None = None,
@@ -141,6 +143,8 @@ def render_batch(
         threads: For the engine ``"local"``, the number of CPU threads that render and of those that encode; all cores
             of this process by default. With eight or more, compressed files are encoded in additional processes.
         caster: As for `Renderer`.
+        shadows: As for `Renderer`.
+        samples: As for `Renderer`.
         engine: ``"local"`` for this machine; ``"ray"`` for a Ray cluster, which is started on this machine if none is
             running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
@@ -163,6 +167,7 @@ def render_batch(
         )
     _check_engine(engine, threads, workers, address)
     check_choice(caster, "caster", get_args(CasterName))
+    check_flag(shadows, "shadows")
     if source is not None and not isinstance(source, str):
         raise ArrayError(f"source must be a text, got {type(source).__name__}")
     if source is None and isinstance(scene, str | os.PathLike):
@@ -185,14 +190,14 @@ def render_batch(
     )
     layout = kind(plan)
     backend = "cpu" if devices[0] == "cpu" else "cuda"
-    dataset = Dataset(
-        out, plan, layout, make_manifest(plan, scene, layout, device=backend, source=source, caster=caster)
-    )
+    choices: dict[str, Any] = {"caster": caster, "shadows": shadows, "samples": check_samples(samples, plan.camera)}
+    manifest = make_manifest(plan, scene, layout, device=backend, source=source, **choices)
+    dataset = Dataset(out, plan, layout, manifest)
     if dataset.check(resume=resume) and repair:
         verify(out, repair=True)
     # Other processes receive the scene on the CPU, and move it to their devices.
     scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
-    job = Job(plan, scene, format, os.fspath(out), caster)
+    job = Job(plan, scene, format, os.fspath(out), **choices)
     with _start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
         start = time.perf_counter()
         with _Progress(plan, dataset, missing, scene, quiet=quiet) as done:

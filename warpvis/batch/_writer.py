@@ -44,6 +44,8 @@ class Job:
     format: str
     out: str
     caster: CasterName = "auto"
+    shadows: bool = True
+    samples: int = 1
 
 
 Run = Callable[[Job, Sequence[int], Done], None]
@@ -85,6 +87,8 @@ class ShardWriter:
             device=device,
             threads=threads,
             caster=job.caster,
+            shadows=job.shadows,
+            samples=job.samples,
         )
         size, pinned = min(plan.shard_frames, len(plan.frames)), not self._renderer.scene.device.is_cpu
         images = self._renderer.images

@@ -65,9 +65,10 @@ def check_pixel_units(width: int, height: int, intrinsics: Any) -> None:
 
     A normalized principal point is in the first pixel, and normalized focal lengths are about 1. Focal lengths in
     pixels that are less than a 20th of the image size would mean 87 degrees of view to one side of such a point.
+    Images whose middle is in the first pixels are not checked.
     """
     fx, fy, cx, cy = (getattr(intrinsics, name) for name in ("fx", "fy", "cx", "cy"))
-    in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS
+    in_corner = max(abs(cx), abs(cy)) <= _FIRST_PIXELS < max(width, height) / 2
     if in_corner and fx * _MAX_TANGENT < width and fy * _MAX_TANGENT < height:
         raise CameraError(
             f"intrinsics must be in pixels of an image of {width} x {height}, got fx={fx:g}, fy={fy:g} and a principal "
@@ -120,7 +121,7 @@ def check_pixel_center(pixel_center: float) -> float:
 def warn_of_improbable(width: int, height: int, fx: float, fy: float, cx: float, cy: float) -> None:
     """Warn about improbable intrinsics: for another image size, or divided by the image size."""
     problem, scale = "", cx / width + cy / height
-    if min(fx, fy) < 1:
+    if min(fx, fy) < 1 and max(width / fx, height / fy) > 2 * _MAX_TANGENT:  # less may be a small image
         problem = f"focal lengths are fx={fx:g}, fy={fy:g}, less than a pixel: intrinsics are in pixels"
     elif _is_middle(cx, cy, height, width) and abs(width - height) > _SAME_SIZE * width:
         problem = (

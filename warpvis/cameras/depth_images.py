@@ -59,11 +59,17 @@ def read_images(
     quaternion: QuaternionOrder,
     device: DeviceLike,
     max_range: float | None = None,
+    *,
+    poses_on_host: bool = False,
 ) -> tuple[wp.array, wp.array]:
-    """Return a camera's depth images and their poses on one device."""
+    """Return a camera's depth images and their poses on one device.
+
+    With `poses_on_host`, poses in host memory stay there.
+    """
     camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     depth = read_depth(depth, camera, device, max_range=max_range)
-    poses = parse_poses(camera_to_world, convention=convention, device=depth.device)
+    place = "cpu" if poses_on_host and not on_gpu(camera_to_world) else depth.device
+    poses = parse_poses(camera_to_world, convention=convention, device=place)
     if len(poses) != len(depth):
         raise ArrayError(f"camera_to_world must have one pose for each view of depth, {len(depth)}, got {len(poses)}")
     return depth, poses

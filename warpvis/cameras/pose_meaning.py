@@ -21,8 +21,8 @@ _RIGHT, _WRONG_RATIO = 0.6, 0.6
 # Pairs of views that are compared, and points of a view.
 _MAX_PAIRS, _MAX_POINTS = 8, 400
 
-# Minimum motion between two views, the length of a shift [m] or of the difference of two axes: 15 degrees.
-_MIN_MOTION = 0.25
+MIN_MOTION = 0.25
+"""Minimum motion between two views: a shift along an axis [m], or the change of a component of an axis, 15 degrees."""
 
 # Difference of depths of the same surface: constant [m], and by depth.
 _CONSTANT, _BY_DEPTH = 0.03, 0.03
@@ -124,7 +124,7 @@ def _choose_pairs(matrices: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Return pairs of views between which the camera moved, spread over the sequence."""
     pairs = []
     for first in range(0, len(matrices), max(1, len(matrices) // _MAX_PAIRS)):
-        moved = np.abs(matrices[first + 1 :, :3] - matrices[first, :3]).max(axis=(1, 2)) > _MIN_MOTION
+        moved = np.abs(matrices[first + 1 :, :3] - matrices[first, :3]).max(axis=(1, 2)) > MIN_MOTION
         if moved.any():
             pairs.append((first, first + 1 + int(moved.argmax())))
     return pairs

@@ -46,6 +46,10 @@ class ImageOptions(FrameOptions):
     """Options that select the images to render."""
 
     outputs: Annotated[Names, tyro.conf.arg(help=_OUTPUTS)] = ()
+    shadows: bool = True
+    """Whether lights with shadows cast them in color images."""
+    samples: int = 1
+    """Rays through each pixel at an edge of a surface whose colors are averaged in color images: 1, 2, 4, 8 or 16."""
     objects: Names = ()
     """Objects to compute visibility for; all by default."""
     exclude: Names = ()
@@ -59,7 +63,7 @@ class ImageOptions(FrameOptions):
     sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=MIN:MAX,...")] = ()
     """Sensor parameters to randomize per frame, with their ranges: sigma=0.05:0.15,dropout=0:0.05."""
     option: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE,...")] = ()
-    """Options of the format."""
+    """Options of the format; with several formats, each gets those that it has."""
     threads: int | None = None
     """Number of CPU threads that render, and of those that encode; all cores by default."""
     quiet: bool = False
@@ -158,6 +162,8 @@ class Batch(ImageOptions):
                 shard_frames=self.shard_frames,
                 device=self.device,
                 threads=self.threads,
+                shadows=self.shadows,
+                samples=self.samples,
                 engine=self.engine,
                 workers=self.workers,
                 address=self.address,

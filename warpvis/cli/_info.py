@@ -58,6 +58,8 @@ class Info(SceneOptions):
             for name, item in named.items():
                 place = " ".join(f"{value:.4g}" for value in item.pose)
                 print(f"{kind}  {name!r} of {item.robot!r}: {item.describe()}; at {place}")
+        for name, person in world.people.items():
+            print(f"person  {name!r}: eyes at {_numbers(person.poses[0])}")
         for kind, counts in (("left out", world.skipped), ("stand-in", world.stand_ins)):
             for name, count in counts.items():
                 print(f"{kind}  {name} ({count})")

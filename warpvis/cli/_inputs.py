@@ -326,6 +326,11 @@ def _numbers(text: str) -> list[float]:
         return []
 
 
+def is_numbers(text: str) -> bool:
+    """Return whether a text is one or more numbers."""
+    return bool(_numbers(text))
+
+
 def split_names(words: Sequence[str]) -> list[str]:
     """Split names at commas."""
     return [name.strip() for word in words for name in word.split(",") if name.strip()]

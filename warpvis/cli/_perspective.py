@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The commands ``warpvis perspective`` and ``view``: what a robot and a person see, as a report or in the browser."""
+"""The commands ``warpvis perspective`` and ``view``: what a robot and people see, as a report or in the browser."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from warpvis.cli._agents import AgentOptions
 from warpvis.cli._inputs import (
     MaybePoses,
     Names,
-    SceneFile,
-    ViewpointOptions,
     check_viewpoints,
     find_experiment,
     given_options,
@@ -26,8 +26,8 @@ from warpvis.cli._inputs import (
     viewpoint_options,
 )
 from warpvis.cli._output import format_rows, make_folder, with_help, write_json
-from warpvis.core.checks import format_fraction
-from warpvis.errors import FileFormatError, PoseError, WarpvisError
+from warpvis.core.checks import format_fraction, with_article
+from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
     from warpvis.cameras.frames import Frames
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from warpvis.visibility import Agent, Candidate
 
 # Options for what an experiment of the demo defines itself: agents, labels and units.
-_OF_AGENTS = ("robot", "human", "robot_body", "human_body", *viewpoint_options)
+_OF_AGENTS = ("robot", "human", "robot_body", "human_body", "device_name", *viewpoint_options)
 _DEFINES_AGENTS = "{} defines its robot and its person, so it takes"
 _NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_names")
 """Options that load a MuJoCo model as a scene without joints."""
@@ -45,22 +45,13 @@ _NOT_OF_MODELS = ("up", "file_up", "scale", "search_path", "strict", "label_name
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
-class Perspective(ViewpointOptions):
-    """Compute what a robot and a person see, what the person may refer to, and where the robot could move to see it.
+class Perspective(AgentOptions):
+    """Compute what a robot and people see, what people may refer to, and where the robot could move to see it.
 
-    The experiments define their robot and person, and need no option.
+    The experiments define their robot and person, and need no option. In a Webots world, they are its range finder and
+    its people.
     """
 
-    file: SceneFile
-    robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """Pose of the robot's camera: eye and target, "x y z tx ty tz" (meters), or "x y z qx qy qz qw"; or a file with one
-    pose."""
-    human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """Pose of the person's eyes, in the same form."""
-    robot_body: Names = ()
-    """Names of the objects that form the robot, which are invisible to it."""
-    human_body: Names = ()
-    """Names of the objects that form the person, which are invisible to the person."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
     """Output folder for perspective.json and perspective.png."""
     max_distance: float = 2.0
@@ -76,19 +67,24 @@ class Perspective(ViewpointOptions):
         from warpvis.core.arrays import check_length
         from warpvis.core.labels import Label
         from warpvis.planning import propose_view
-        from warpvis.visibility import State, perspective
+        from warpvis.visibility import State, choose_likeliest, perspective
 
         max_distance = check_length(self.max_distance, "--max-distance")
         radius = check_length(self.robot_radius, "--robot-radius", zero=False)
         floor = check_length(self.floor, "--floor", signed=True)
-        scene, robot, human = self._read()
-        bodies = {*robot.body, *human.body}
+        scene, robot, people = self._read()
+        agents = (robot, *people)
+        bodies = {name for agent in agents for name in agent.body}
         if any(item.label == Label.OBJECT and item.name not in bodies for item in scene):
             labels = [int(Label.OBJECT)]
         else:
             labels = sorted({item.label for item in scene} - scene.ground_labels)
-        seen = perspective(scene, (robot, human))
-        found = seen.candidates("human", "robot", labels=labels, exclude=sorted(bodies))
+        seen = perspective(scene, agents)
+        meant = {
+            human.name: seen.candidates(human.name, robot.name, labels=labels, exclude=sorted(bodies))
+            for human in people
+        }
+        found = choose_likeliest(itertools.chain(*meant.values()))
         missed = [item.object for item in found if item.state == State.SECOND]
         proposal = propose_view(scene, robot, found, max_distance=max_distance, radius=radius, floor=floor)
 
@@ -98,37 +94,29 @@ class Perspective(ViewpointOptions):
             make_folder(self.out)
             title, pose = f"Who sees what: {self.file.name}", None if proposal is None else proposal.pose
             picture = self.out / "perspective.png"
-            save_perspective(scene, (robot, human), seen, picture, title=title, labels=labels, proposed=pose)
-            report = _report(found, missed, proposal)
+            save_perspective(scene, agents, seen, picture, title=title, labels=labels, proposed=pose)
+            report = _report(meant, missed, proposal)
             write_json(self.out / "perspective.json", {"file": str(self.file), **seen.report(), **report})
-        for agent, option in ((robot, "--robot-body"), (human, "--human-body")):
-            _warn_of_eyes_inside(scene, agent, option)
+        for agent in agents:
+            _warn_of_eyes_inside(scene, agent, "--robot-body" if agent is robot else "--human-body")
         print(seen.table())
-        print()
-        print(_format_result(found, missed, proposal, self.max_distance))
+        for name, items in meant.items():
+            print(f"\n{_format_candidates(name, items)}")
+        if found:
+            print(f"\n{_format_result(missed, proposal, self.max_distance)}")
         if self.out is not None:
             print(f"\n{self.out / 'perspective.json'}, {self.out / 'perspective.png'}")
 
-    def _read(self) -> tuple[Scene, Agent, Agent]:
-        """Read the scene and both agents."""
-        from warpvis.visibility import Agent
-
+    def _read(self) -> tuple[Scene, Agent, list[Agent]]:
+        """Read the scene, the robot and the people."""
         experiment = find_experiment(self.file)
         if experiment is not None:
             refuse_options(self, _OF_AGENTS, _DEFINES_AGENTS.format(experiment.name))
-            return experiment.build(self.device), *experiment.agents()
-        for option, text in (("--robot", self.robot), ("--human", self.human)):
-            if text is None:
-                raise PoseError(f"{option} must be given as eye and target, 'x y z tx ty tz'")
-        assert self.robot is not None and self.human is not None
-        camera = self.choose_camera()
-        check_viewpoints(self, (self.robot, self.human))
-        scene = self.load_scene(self.file, device=self.device)
-        eyes = self.load_pose(self.robot, "--robot", scene.up)
-        robot = Agent("robot", camera, eyes, body=tuple(split_names(self.robot_body)))
-        eyes = self.load_pose(self.human, "--human", scene.up)
-        human = Agent.human("human", eyes, body=tuple(split_names(self.human_body)))
-        return scene, robot, human
+            robot, human = experiment.agents()
+            return experiment.build(self.device), robot, [human]
+        scene, given, people = self.load_agents(self.device, required=True)
+        assert given is not None  # it is required
+        return scene, given, people
 
 
 def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
@@ -145,22 +133,23 @@ def _warn_of_eyes_inside(scene: Scene, agent: Agent, option: str) -> None:
         if inside_solids(scene, eyes, exclude=[other.name for other in scene if other.name != name]).any()
     ]
     if around:
-        listed = " ".join(repr(name) for name in around)
+        listed, name = " ".join(map(repr, around)), with_article(agent.name)
         warnings.warn(
-            f"the {agent.name}'s eyes are inside of {listed}: if that is the {agent.name}, give {option} {listed}",
+            f"{name}'s eyes are inside of {listed}: if that is {name}, give {option} {listed}",
             stacklevel=2,
         )
 
 
-def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None) -> dict[str, object]:
+def _report(meant: Mapping[str, list[Candidate]], missed: list[str], proposal: Proposal | None) -> dict[str, object]:
     """Return the content of the JSON file in addition to `Perspective.report`."""
     from warpvis.visibility import State
 
     candidates = []
-    for item in found:
-        fields = asdict(item)
-        del fields["object_poses"], fields["state"]
-        candidates.append(fields | {"robot_sees": item.state == State.BOTH})
+    for human, found in meant.items():
+        for item in found:
+            fields = asdict(item)
+            del fields["object_poses"], fields["state"]
+            candidates.append({"human": human, **fields, "robot_sees": item.state == State.BOTH})
     return {
         "candidates": candidates,
         "to_see": missed,
@@ -168,20 +157,27 @@ def _report(found: list[Candidate], missed: list[str], proposal: Proposal | None
     }
 
 
-def _format_result(found: list[Candidate], missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
-    """Return the candidates as a table, and what the robot has to do."""
+def _format_candidates(human: str, found: list[Candidate]) -> str:
+    """Return a person's candidates as a table."""
+    from warpvis.visibility import State
+
+    subject = with_article(human)
     if not found:
-        return "The person sees no objects, so there are no candidates."
+        return f"{subject[0].upper()}{subject[1:]} sees no objects, so there are no candidates."
     rows = []
     for item in found:
         assert item.robot_fraction is not None  # the robot was passed to `candidates`
         angle = f"{math.degrees(item.gaze_angle):.0f} degrees"
-        robot = "no" if item.object in missed else format_fraction(item.robot_fraction)
+        robot = "no" if item.state == State.SECOND else format_fraction(item.robot_fraction)
         rows.append([item.object, format_fraction(item.probability), angle, "yes" if item.attended else "no", robot])
-    lines = [format_rows(["the human may mean", "probability", "from the gaze", "attended", "robot sees"], rows), ""]
+    return format_rows([f"{subject} may mean", "probability", "from the gaze", "attended", "robot sees"], rows)
+
+
+def _format_result(missed: list[str], proposal: Proposal | None, max_distance: float) -> str:
+    """Return what the robot has to do."""
     if not missed:
-        return "\n".join([*lines, "The robot sees all of them."])
-    lines.append(f"The robot must move to see {', '.join(missed)}.")
+        return "The robot sees all of them."
+    lines = [f"The robot must move to see {', '.join(missed)}."]
     if proposal is None:
         lines.append(f"No free place within {max_distance:g} m shows any of them.")
     else:
@@ -193,22 +189,26 @@ def _format_result(found: list[Candidate], missed: list[str], proposal: Proposal
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
-class View(ViewpointOptions):
-    """Open an interactive page of a scene: move the robot, the person and objects, and watch what each of them sees.
+class View(AgentOptions):
+    """Open an interactive page of a scene: move the robot, people and objects, and watch what each of them sees.
 
-    The experiments define their robot and person. Needs pip install 'warpvis[view]'.
+    The experiments define their robot and person. In a Webots world, they are its range finder and its people. Without
+    a robot, the camera sees the whole scene. Needs pip install 'warpvis[view]'.
     """
 
-    file: SceneFile
-    robot: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
+    robot: Annotated[str | None, tyro.conf.arg(metavar="POSE|CAMERA")] = None
     """Pose of the robot's camera: eye and target, "x y z tx ty tz" (meters), or "x y z qx qy qz qw"; or a file with one
-    pose; or the name of a camera of a MuJoCo model. By default a pose that sees the whole scene."""
-    human: Annotated[str | None, tyro.conf.arg(metavar="POSE")] = None
-    """Pose of a person's eyes, in the same form; by default there is no person."""
+    pose; or the name of a camera of a MuJoCo model. By default the range finder of a Webots world, else a pose that
+    sees the whole scene."""
+    human: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[NAME=]POSE|CAMERA")] = ()
+    """Pose of a person's eyes, in the same form, with a name if wanted ("Ada=4 0 1.6 2 0 0.8"); or the name of a person
+    of a Webots world, by default all of them. Give the option once for each person."""
     robot_body: Names = ()
-    """Names of the objects that form the robot: they move with it, and are invisible to it."""
+    """Names of the objects that form the robot: they move with it, and are invisible to it. The robot of a Webots world
+    sees itself where Webots draws it."""
     human_body: Names = ()
-    """Names of the objects that form the person: they move with the person, and are invisible to the person."""
+    """Names of the objects that form the person: they move with the person, and are invisible to the person. For
+    several people, each with the person's name: "Ada=legs,Ada=arms,Bo=suit"."""
     movable: Names = ()
     """Names or patterns of the objects that can be dragged; by default those labeled as object, person or robot."""
     objects: Names = ()
@@ -263,9 +263,9 @@ class View(ViewpointOptions):
             return ViewerState(scene, experiment.agents(), frames=self._frames(scene), **names)
         if self.file.suffix.lower() == ".xml" and not given_options(self, _NOT_OF_MODELS):
             return self._load_model(names)
-        check_viewpoints(self, [text for text in (self.robot, self.human) if text is not None])
-        scene = self.load_scene(self.file)
-        return ViewerState(scene, self._agents(scene), frames=self._frames(scene), **names)
+        scene, robot, people = self.load_agents()
+        agents = [robot or self._framing_robot(scene), *people]
+        return ViewerState(scene, agents, frames=self._frames(scene), **names)
 
     def _frames(self, scene: Scene) -> Frames | None:
         """Read or generate the frames to play."""
@@ -289,39 +289,16 @@ class View(ViewpointOptions):
         except ValueError as error:
             raise FileFormatError(f"{self.file}: {str(error).splitlines()[0]}") from None
         stage = MujocoStage(model, labels=self.label_rules())
-        agents = []
-        for name, text in (("robot", self.robot), ("human", self.human)):
-            if text in stage.cameras():
-                agents.append(stage.agent(name, text))
-        if len(agents) < sum(text is not None for text in (self.robot, self.human)) or not agents:
-            texts = [text for text in (self.robot, self.human) if text is not None]
-            check_viewpoints(self, [text for text in texts if text not in stage.cameras()])
-            known = {agent.name: agent for agent in agents}
-            agents = [known.get(agent.name, agent) for agent in self._agents(stage.stage.scene, set(known))]
-        return ViewerState(stage, agents, frames=self._frames(stage.stage.scene), **names)
+        cameras, scene, texts = stage.cameras(), stage.stage.scene, self.pose_texts()
+        check_viewpoints(self, [text for text in texts if text not in cameras])
+        robot = stage.agent("robot", self.robot) if self.robot in cameras else self.read_robot(scene)
+        known = {name: stage.agent("human", name) for name in texts if name in cameras}
+        agents = [robot or self._framing_robot(scene), *self.read_people(scene, known)]
+        return ViewerState(stage, agents, frames=self._frames(scene), **names)
 
-    def _agents(self, scene: object, known: Collection[str] = ()) -> list[Agent]:
-        """Create the agents; names in `known` get a placeholder pose."""
+    def _framing_robot(self, scene: Scene) -> Agent:
+        """Create a robot whose camera, a pinhole, sees the whole scene."""
         from warpvis.cameras.pinhole import require_camera
-        from warpvis.scene import require_scene
         from warpvis.viewer import framing_agent
-        from warpvis.visibility import Agent
 
-        up = require_scene(scene).up
-        # The default pose sees the whole scene, which requires a pinhole.
-        camera = None if self.camera is None else require_camera(self.choose_camera())
-        body = tuple(split_names(self.robot_body))
-        if self.robot is None or "robot" in known:
-            if body:
-                raise WarpvisError("--robot-body has no effect without --robot")
-            robot = framing_agent(require_scene(scene), camera)
-        else:
-            robot = Agent("robot", self.choose_camera(), self.load_pose(self.robot, "--robot", up), body=body)
-        if self.human is None:
-            if self.human_body:
-                raise WarpvisError("--human-body has no effect without --human")
-            return [robot]
-        if "human" in known:
-            return [robot, Agent.human("human", robot.pose)]
-        eyes = self.load_pose(self.human, "--human", up)
-        return [robot, Agent.human("human", eyes, body=tuple(split_names(self.human_body)))]
+        return framing_agent(scene, None if self.camera is None else require_camera(self.choose_camera()))

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from warpvis.webots import Device, Lidar, WebotsWorld
 
 _FRAMES = (*viewpoint_options[len(scene_options) :], "movable", "worlds")
+_COLORS = ("shadows", "samples")
 _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
 _CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
@@ -52,7 +53,7 @@ _CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
 
 _CLOUD_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
 _RAYS_AT_ONCE = 2**22
-_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "outputs", "objects", *_IMAGES[1:])
+_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "objects", *_IMAGES, *_COLORS)
 _OF_DEVICES = ("device_name", "version_exact")
 
 _PREVIEWS, _SHEET = "preview", "contact_sheet.png"
@@ -66,8 +67,8 @@ _MAX_PREVIEWS, _MAX_ON_SHEET = 100, 24
 class Render(ImageOptions):
     """Render depth images: OUT/npz in meters, OUT/png in millimeters (16 bit, 0 for no depth), or other formats.
 
-    A Webots world can be rendered without --poses: its range finders to OUT/NAME/depth.npz and OUT/NAME/depth, and its
-    lidars to OUT/NAME/ranges.npz and OUT/NAME/pcd.
+    A Webots world can be rendered without --poses: its range finders to OUT/NAME/depth.npz and OUT/NAME/depth, its
+    lidars to OUT/NAME/ranges.npz and OUT/NAME/pcd, and its cameras to OUT/NAME/color.
     """
 
     file: SceneFile
@@ -86,7 +87,8 @@ class Render(ImageOptions):
     device: str = "cpu"
     """Device to compute on: cpu, cuda:0, ..."""
     device_name: str | None = None
-    """Webots worlds only: name of the range finder or lidar to render; all by default."""
+    """Webots worlds only: name of the range finder, lidar or camera to render; all by default. A camera by name gets
+    depth, too."""
     pictures: bool = True
     """Also write colored depth: OUT/preview, of the first hundred frames, and OUT/contact_sheet.png."""
     version_exact: bool = False
@@ -110,13 +112,15 @@ class Render(ImageOptions):
             self._render_world()
 
     def _render_world(self) -> None:
-        """Render range finders and lidars of a Webots world; warn of those that see nothing."""
+        """Render range finders, lidars and cameras of a Webots world; warn of those that see nothing in their range."""
         import numpy as np
 
-        from warpvis.webots import load_webots, render_lidar, render_range
+        from warpvis.webots import load_webots, render_color, render_lidar, render_range
 
         world = load_webots(self.file, device=self.device, search_path=self.folders(), strict=self.strict)
-        finders, lidars = self._choose_devices(world)
+        finders, lidars, cameras = self._choose_devices(world)
+        if not cameras:
+            refuse_options(self, _COLORS, "without cameras no colors are rendered: give")
         release, blind = "header" if self.version_exact else None, []
         kinds: list[tuple[Any, ...]] = [
             (finders, world.devices, render_range, _write, ("depth.npz", "depth/000000.png")),
@@ -125,36 +129,42 @@ class Render(ImageOptions):
         for names, devices, render, write, files in kinds:
             for name in names:
                 image = render(world, name, webots_version=release, threads=self.threads)
-                folder = self.out / re.sub(r"[^\w .-]|^\.+", "_", name)
+                folder = self._folder_of(name)
                 write(folder, devices[name], image, self.version_exact)
                 # Some versions of Webots return the maximum range for no hit.
                 if not (np.isfinite(image) & (image < devices[name].max_range)).any():
                     blind.append(name)
                 if not self.quiet:
                     print(f"{name}: {', '.join(str(folder / file) for file in files)}")
+        for name in cameras:
+            path = self._folder_of(name) / "color" / "000000.png"
+            options: dict[str, Any] = {"shadows": self.shadows, "samples": self.samples, "threads": self.threads}
+            _write_color(path, render_color(world, name, **options))
+            if not self.quiet:
+                print(f"{name}: {path}")
         if blind:
             count = pluralize(len(finders) + len(lidars), "device")
             sees = "sees nothing in its" if len(blind) == 1 else "see nothing in their"
             warnings.warn(f"{len(blind)} of {count} {sees} range: {', '.join(map(repr, blind))}", stacklevel=2)
-        self.end(empty=len(blind) == len(finders) + len(lidars))
+        self.end(empty=0 < len(blind) == len(finders) + len(lidars))
 
-    def _choose_devices(self, world: WebotsWorld) -> tuple[list[str], list[str]]:
-        """Return the range finders and the lidars to render: all of them, or the given one."""
+    def _folder_of(self, name: str) -> Path:
+        """Return the folder of a device."""
+        return self.out / re.sub(r"[^\w .-]|^\.+", "_", name)
+
+    def _choose_devices(self, world: WebotsWorld) -> tuple[list[str], list[str], list[str]]:
+        """Return the range finders, lidars and cameras to render: all of them, or the given one."""
         from warpvis.webots import find_device
 
         name = self.device_name
         if name in world.lidars and name not in world.devices:
-            return [], [name]
+            return [], [name], []
         if name is not None:
-            find_device(world, name)
-            return [name], []
+            return [name], [], [] if find_device(world, name).measures else [name]
+        if not world.devices and not world.lidars:
+            raise SceneError(f"{self.file} has no range finder, lidar or camera; give --poses and --camera")
         finders = [known for known, item in world.devices.items() if item.measures]
-        if not finders and not world.lidars:
-            known = ", ".join(map(repr, world.devices)) or "none"
-            raise SceneError(
-                f"{self.file} has no range finder or lidar; its devices are: {known}; give --poses and --camera"
-            )
-        return finders, list(world.lidars)
+        return finders, list(world.lidars), [known for known in world.devices if known not in finders]
 
     def _render_clouds(self, name: str) -> None:
         """Write a cloud of every frame, OUT/pcd/000000.pcd and so on."""
@@ -222,9 +232,16 @@ class Render(ImageOptions):
         if not kinds:
             raise FileFormatError("--format must name a format, got none")
         chosen = self.chosen()
+        # Each format gets the options that it has; the first one refuses those that none has.
+        known = {option for kind in kinds.values() for option in kind.options}
+        given = chosen.pop("options")
+        options = {
+            name: {option: given[option] for option in given if option in kind.options or option not in known}
+            for name, kind in kinds.items()
+        }
         scene, camera, frames = self.load(self.file, poses, device=self.device)
-        for kind in kinds.values():
-            self._check(kind, scene, camera, frames, chosen)
+        for name, kind in kinds.items():
+            self._check(kind, scene, camera, frames, {**chosen, "options": options[name]})
         empty = False
         for name in kinds:
             summary = render_batch(
@@ -235,7 +252,10 @@ class Render(ImageOptions):
                 format=name,
                 threads=self.threads,
                 quiet=self.quiet,
+                shadows=self.shadows,
+                samples=self.samples,
                 source=self.file.name,
+                options=options[name],
                 **chosen,
             )
             print_summary(summary, name, quiet=self.quiet)
@@ -355,6 +375,15 @@ def _write(folder: Path, device: Device, image: NDArray[np.float32], bent: bool)
         arrays |= {"projection": np.array(device.projection), "hfov": np.array(device.fov)}
     _write_arrays(folder / "depth.npz", arrays)
     save_depth_png(image, folder / "depth" / "000000.png")
+
+
+def _write_color(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write a color image."""
+    from PIL import Image
+
+    make_folder(path.parent)
+    with writing(path):
+        Image.fromarray(image).save(path)
 
 
 def _write_scan(folder: Path, lidar: Lidar, image: NDArray[np.float32], drawn: bool) -> None:

@@ -17,7 +17,7 @@ from warpvis.cli._output import make_folder, write_json
 from warpvis.core.types import DeviceLike
 from warpvis.maps import FloorMap, classify, floor_map, plan_visibility
 from warpvis.planning import propose_view
-from warpvis.rendering import Renderer, Views
+from warpvis.rendering import Output, Renderer, Views
 from warpvis.scene import Scene
 from warpvis.scenes import EXPERIMENTS, Experiment
 from warpvis.scenes.experiments import ROBOT_AT, ROBOT_RADIUS
@@ -27,6 +27,7 @@ from warpvis.viz import save_overview, save_perspective
 _TARGETS = ("ball", "person")
 _EYE, _TARGET = (-4.3, -3.7, 3.4), (-0.3, -0.4, 0.1)
 _VIEWS_TIMED = 32
+_OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation", "color")
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def run_experiment(number: int, *, device: DeviceLike = "cpu") -> ExperimentResu
     experiment = EXPERIMENTS[number - 1]
     scene = experiment.build(device)
     poses = experiment.poses()
-    views = Renderer(scene, experiment.camera).render(poses)
+    views = Renderer(scene, experiment.camera, outputs=_OUTPUTS).render(poses)
     sphere = wp.empty(views.depth.shape, dtype=wp.int32, device=scene.device)
     classify(views.depth, experiment.camera, poses, spheres=experiment.spheres, spheres_out=sphere)
     seen_floor = floor_map(views.points, views.labels, bounds=scene.bounds, robots=[(*ROBOT_AT, ROBOT_RADIUS)])

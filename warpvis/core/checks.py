@@ -39,6 +39,11 @@ def is_whole(value: object) -> TypeGuard[int]:
     return isinstance(value, Integral) and not isinstance(value, bool)
 
 
+def with_article(name: str) -> str:
+    """Return the name of an agent with an article, unless it begins with a capital letter: "the robot", "Ada"."""
+    return name if name[:1].isupper() else f"the {name}"
+
+
 def pluralize(count: int, noun: str) -> str:
     """Format a count with its noun for messages: ``1 frame``, ``2 frames``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -10,6 +10,11 @@ from __future__ import annotations
 from warpvis.core.numpy_files import read_archive as read_archive
 from warpvis.io._bag_files import BagFile as BagFile
 from warpvis.io._cloud_messages import register_livox_types, to_laserscan, to_livox_msg
+from warpvis.io._color_images import (
+    COLOR_SUFFIXES as COLOR_SUFFIXES,
+    ColorFile as ColorFile,
+    encode_colors as encode_colors,
+)
 from warpvis.io._depth import (
     count_lost as count_lost,
     depth_to_units as depth_to_units,
@@ -21,8 +26,16 @@ from warpvis.io._depth import (
     read_depth,
     save_depth_png,
 )
+from warpvis.io._image_messages import color_pixels as color_pixels
 from warpvis.io._map_messages import to_occupancy_grid
-from warpvis.io._messages import from_image_msg, to_image_msg, to_pointcloud2
+from warpvis.io._messages import (
+    from_color_msg,
+    from_image_msg,
+    to_color_msg,
+    to_compressed_msg,
+    to_image_msg,
+    to_pointcloud2,
+)
 from warpvis.io._points import read_points, save_cloud, save_clouds
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.cameras._files import load_camera
@@ -36,6 +49,7 @@ __all__ = [
     "MeasuredFrame",
     "Recording",
     "Track",
+    "from_color_msg",
     "from_image_msg",
     "load_camera",
     "read_depth",
@@ -46,6 +60,8 @@ __all__ = [
     "save_cloud",
     "save_clouds",
     "save_depth_png",
+    "to_color_msg",
+    "to_compressed_msg",
     "to_image_msg",
     "to_laserscan",
     "to_livox_msg",

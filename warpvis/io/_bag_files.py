@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import os
 import threading
+import weakref
 from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import islice
@@ -51,8 +52,21 @@ def is_bag(path: Path) -> bool:
     return path.suffix.lower() in BAG_SUFFIXES if path.is_file() else (path / "metadata.yaml").is_file()
 
 
+class _OpenBag:
+    """A bag that a thread of a process opened; it is closed when this object is no longer referenced."""
+
+    def __init__(self, reader: Any) -> None:
+        self.reader = reader
+        self.process = os.getpid()
+        # Not left to the garbage collector: connections of rosbags refer to their reader, which refers to them.
+        weakref.finalize(self, reader.close)
+
+
 class BagFile:
-    """A bag, which every thread of every process opens when it reads the first message."""
+    """A bag, which every thread of every process opens when it reads the first message.
+
+    It is closed when the thread ends, or when the `BagFile` is no longer referenced.
+    """
 
     def __init__(self, path: Path) -> None:
         """Choose the bag; a folder must have ``metadata.yaml``."""
@@ -93,15 +107,14 @@ class BagFile:
 
     def close(self) -> None:
         """Close the bag in this thread."""
-        if getattr(self._local, "process", None) == os.getpid():
-            self._local.reader.close()
-        self._local = threading.local()
+        self._local.opened = None
 
     @property
     def _reader(self) -> Any:
-        if getattr(self._local, "process", None) != os.getpid():  # a forked process must not share a file's position
-            self._local.reader, self._local.process = self._open(), os.getpid()
-        return self._local.reader
+        opened = getattr(self._local, "opened", None)
+        if opened is None or opened.process != os.getpid():  # a forked process must not share a file's position
+            opened = self._local.opened = _OpenBag(self._open())
+        return opened.reader
 
     def _open(self) -> Any:
         require_package("rosbags.rosbag2", f"{self.path}: ROS bags are read with rosbags", "ros")

@@ -30,6 +30,11 @@ NO_DEPTH_UINT16 = 65_535
 # of a room or of 60 balls. Level 6 takes four times as long for about a fifth less.
 _UP = 2
 _LEVEL = 1
+# On color images, filter Sub makes textured surfaces a fifth smaller than Up: 168 instead of 211 kB for 640x480 pixels
+# of a humanoid on a checkered floor; images of plain surfaces take 8 kB with both.
+_SUB = 1
+_GRAY, _RGB = 0, 2
+"""Color types of PNG."""
 
 _PGM_HEADER = re.compile(
     rb"P5(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s", re.ASCII
@@ -115,18 +120,24 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 
 
 def encode_pngs(images: NDArray[np.uint8] | NDArray[np.uint16]) -> Iterator[bytes]:
-    """Encode images ``(n, H, W)`` as `encode_png` does, one after the other.
+    """Encode images ``(n, H, W)`` as `encode_png` does, or colors ``(n, H, W, 3)`` of 8 bits, one after the other.
 
     Encoding several images in one call takes the GIL less often than one call per image.
     """
-    count, height, width = images.shape
-    bytes_per_pixel = images.dtype.itemsize
-    rows = images.astype(f">u{bytes_per_pixel}", order="C").view(np.uint8)
-    lines = np.empty((count, height, 1 + width * bytes_per_pixel), dtype=np.uint8)
-    lines[:, :, 0] = _UP
-    lines[:, 0, 1:] = rows[:, 0]
-    np.subtract(rows[:, 1:], rows[:, :-1], out=lines[:, 1:, 1:])
-    header = struct.pack(">IIBBBBB", width, height, 8 * bytes_per_pixel, 0, 0, 0, 0)
+    count, height, width = images.shape[:3]
+    depth = 8 * images.dtype.itemsize
+    color = _RGB if images.ndim == 4 else _GRAY
+    rows = np.ascontiguousarray(images, images.dtype.newbyteorder(">")).view(np.uint8).reshape(count, height, -1)
+    lines = np.empty((count, height, 1 + rows.shape[2]), dtype=np.uint8)
+    if color == _RGB:
+        lines[:, :, 0] = _SUB
+        lines[:, :, 1:4] = rows[:, :, :3]
+        np.subtract(rows[:, :, 3:], rows[:, :, :-3], out=lines[:, :, 4:])
+    else:
+        lines[:, :, 0] = _UP
+        lines[:, 0, 1:] = rows[:, 0]
+        np.subtract(rows[:, 1:], rows[:, :-1], out=lines[:, 1:, 1:])
+    header = struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, 0)
     head = b"\x89PNG\r\n\x1a\n" + b"".join(_chunk_parts(b"IHDR", header))
     for image in lines:
         yield b"".join((head, *_chunk_parts(b"IDAT", zlib.compress(image.data, _LEVEL)), _END))

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.types import Json
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
+from warpvis.io._gltf_lights import image_based_light, node_light
 from warpvis.io._gltf_materials import GltfMaterials, Locate
 from warpvis.io._gltf_placements import (
     INSTANCES,
@@ -30,11 +30,14 @@ from warpvis.io._gltf_placements import (
     joint_matrices,
     morphed,
     nodes_in_order,
+    skin_transforms,
     skinned,
     split,
 )
 from warpvis.scene import Part
+from warpvis.scene.appearances import FileNormals
 from warpvis.scene.lights import Light
+from warpvis.scene.normals import transform_normals
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _READ = {DRACO, *MESHOPT, "KHR_mesh_quantization", "KHR_node_visibility", INSTANCES}
@@ -48,9 +51,6 @@ _HARMLESS = re.compile(
     r"|KHR_(xmp\w*|techniques_webgl|node_selectability|node_hoverability)$"
     r"|EXT_(mesh_features|structural_metadata|instance_features|mesh_manifold)$"
 )
-
-_LIGHTS = "KHR_lights_punctual"
-_LIGHT_KINDS = ("directional", "point", "spot")
 
 
 @dataclass
@@ -78,10 +78,11 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not supported")
-    found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate))
+    found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate), FileNormals(name))
+    found.lights += image_based_light(data, found.unlit)
     places = []
     for index, node, placement in nodes_in_order(data):
-        _add_light(data, index, node, placement, found)
+        found.lights += node_light(data, index, node, placement, found.unlit)
         places += [(index, node, placement)] if "mesh" in node else []
     shared = np.array([placement for _, node, placement in places if shapes.is_shared(node)]).reshape(-1, 4, 4)
     parts = iter(split(shared).one_by_one())
@@ -90,23 +91,11 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     return found
 
 
-def _add_light(
-    data: GltfData, index: int, node: dict[str, Any], placement: NDArray[np.float64], found: FileMeshes
-) -> None:
-    """Add the light of a node, which shines along its -z; or a note if it cannot be read."""
-    try:
-        packed = (node.get("extensions") or {}).get(_LIGHTS)
-        if packed is not None:
-            found.lights.append(_light(data.get("extensions"), packed["light"], node, placement))
-    except Exception as error:  # malformed files may raise any exception
-        found.unlit.append(f"node {index} ({truncate(describe_exception(error))})")
-
-
 class _Shapes:
     """The meshes of a file; meshes shared by several nodes are read once."""
 
-    def __init__(self, data: GltfData, materials: GltfMaterials) -> None:
-        self.data, self._materials = data, materials
+    def __init__(self, data: GltfData, materials: GltfMaterials, normals: FileNormals) -> None:
+        self.data, self._materials, self._normals = data, materials, normals
         nodes = [node for node in data.all("nodes") if isinstance(node, dict) and isinstance(node.get("mesh"), int)]
         self._uses = Counter(node["mesh"] for node in nodes)
         self._known: dict[tuple[int, int], Shape | None] = {}
@@ -128,16 +117,50 @@ class _Shapes:
         data = self.data
         mesh = data.one("meshes", node["mesh"])
         primitive = mesh["primitives"][number]
-        vertices, faces = _triangles(data, primitive)
+        vertices, faces = _rest_shape(data, node, primitive)
         if not len(faces):
             return None
-        vertices = morphed(data, vertices, primitive.get("targets"), node.get("weights", mesh.get("weights")))
-        rows = partial(_attribute, data, primitive)
-        appearance = self._materials.appearance(primitive, rows, len(vertices), f"mesh {node['mesh']}")
-        if not _is_skinned(node, primitive):
-            return Shape(vertices, faces, appearance)
-        joints = joint_matrices(data, node["skin"])
-        return Shape(skinned(vertices, primitive["attributes"], rows, joints), faces, appearance)
+        rows, name = partial(_attribute, data, primitive), f"mesh {node['mesh']}"
+        appearance = self._materials.appearance(primitive, rows, len(vertices), name)
+        if "NORMAL" in primitive["attributes"]:
+            appearance = self._normals.add(
+                appearance,
+                name,
+                partial(_rest_normals, data, node, primitive),
+                partial(_rest_shape, data, node, primitive),
+            )
+        return Shape(vertices, faces, appearance)
+
+
+def _rest_shape(
+    data: GltfData, node: dict[str, Any], primitive: dict[str, Any]
+) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
+    """Return vertices and faces of a primitive, morphed and skinned; no faces if it consists of points or lines."""
+    vertices, faces = _triangles(data, primitive)
+    if not len(faces):
+        return vertices, faces
+    vertices = morphed(data, vertices, "POSITION", primitive.get("targets"), _morph_weights(data, node))
+    if _is_skinned(node, primitive):
+        vertices = skinned(vertices, _skin(data, node, primitive, len(vertices)))
+    return vertices, faces
+
+
+def _rest_normals(data: GltfData, node: dict[str, Any], primitive: dict[str, Any]) -> NDArray[np.float64]:
+    """Return the normals of a primitive's vertices, morphed and skinned (3.7.2.1)."""
+    normals = _attribute(data, primitive, "NORMAL").astype(np.float64)
+    normals = morphed(data, normals, "NORMAL", primitive.get("targets"), _morph_weights(data, node))
+    if not _is_skinned(node, primitive):
+        return normals
+    return transform_normals(normals, _skin(data, node, primitive, len(normals))[:, :3, :3])
+
+
+def _skin(data: GltfData, node: dict[str, Any], primitive: dict[str, Any], count: int) -> NDArray[np.float64]:
+    rows = partial(_attribute, data, primitive)
+    return skin_transforms(count, primitive["attributes"], rows, joint_matrices(data, node["skin"]))
+
+
+def _morph_weights(data: GltfData, node: dict[str, Any]) -> Json:
+    return node.get("weights", data.one("meshes", node["mesh"]).get("weights"))
 
 
 def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:
@@ -248,29 +271,3 @@ def _faces(corners: NDArray[np.integer], mode: int) -> NDArray[np.integer]:
     odd = np.arange(count) % 2
     first = np.arange(count)
     return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
-
-
-def _light(root: Any, number: Any, node: dict[str, Any], placement: NDArray[np.float64]) -> Light:
-    """Read a light (KHR_lights_punctual); scale does not affect it."""
-    known = root[_LIGHTS]["lights"]
-    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(known):
-        raise ValueError(f"it references light {number!r} of {len(known)}")
-    entry = known[number]
-    kind = entry.get("type")
-    if kind not in _LIGHT_KINDS:
-        raise ValueError(f"the type of a light must be one of {', '.join(_LIGHT_KINDS)}, got {kind!r}")
-    cone = entry.get("spot") or {}
-    return Light(
-        kind,
-        str(entry.get("name") or node.get("name") or ""),
-        tuple(placement[:3, 3].tolist()),
-        tuple((-placement[:3, 2]).tolist()),
-        color=entry.get("color", (1.0, 1.0, 1.0)),
-        intensity=entry.get("intensity", 1.0),
-        color_space="linear",
-        falloff="gltf",
-        attenuation=(1.0, 0.0, 0.0) if kind == "directional" else (0.0, 0.0, 1.0),
-        reach=np.inf if entry.get("range") is None else entry["range"],
-        inner_angle=cone.get("innerConeAngle", 0.0),
-        outer_angle=cone.get("outerConeAngle", np.pi / 4),
-    )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Materials, base color textures and vertex colors of glTF files.
+"""Materials, textures and vertex colors of glTF files.
 
 They are read on first use. trimesh's reader drops wrap modes and filters, texture transforms, and second texture
 coordinates. Section numbers are those of the glTF 2.0 specification.
@@ -20,7 +20,7 @@ from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap
+from warpvis.scene.materials import Appearance, ColorSpace, Filter, Material, Texture, Wrap
 
 Locate = Callable[[str], Path | bytes | None]
 """Finds a referenced image without reading it; returns its bytes if it is in an archive, None if it is missing."""
@@ -29,6 +29,7 @@ TRANSFORM = "KHR_texture_transform"
 _OLD = "KHR_materials_pbrSpecularGlossiness"
 _WRAPS: dict[Any, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _FILTERS: dict[Any, Filter] = {9728: "nearest", 9729: "linear"}
+_COLORED = ("texture", "emissive_texture")
 _SOURCES = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")
 
 Attribute = Callable[[str], NDArray[np.generic]]
@@ -41,7 +42,7 @@ class GltfMaterials:
     def __init__(self, file: str, data: GltfData, locate: Locate) -> None:
         self._file, self._data, self._locate = file, data, locate
         self._known: dict[int, Material] = {}
-        self._textures: dict[int, Texture] = {}
+        self._textures: dict[tuple[int, ColorSpace], Texture] = {}
         self._plain: dict[int, LazyAppearance] = {}
 
     def appearance(
@@ -66,7 +67,7 @@ class GltfMaterials:
             return None
         try:
             entry = self._data.one("materials", primitive["material"])
-            return entry if _base(entry)[1] is None else None
+            return None if _infos(entry) else entry
         except Exception:  # malformed files may raise any exception; it is reported on first use
             return None
 
@@ -79,33 +80,50 @@ class GltfMaterials:
         if index is None:
             return Appearance((Material(color_space="linear"),), vertex_colors=colors)
         entry = self._data.one("materials", index)
-        uv, info = None, _base(entry)[1]
+        infos = _infos(entry)
         if index not in self._known:
-            self._known[index] = _material(entry, None if info is None else self._texture(info["index"]))
-        if info is not None:
-            transform = (info.get("extensions") or {}).get(TRANSFORM) or {}
-            name = f"TEXCOORD_{transform.get('texCoord', info.get('texCoord', 0))}"
-            uv = _coordinates(attribute(name), transform) if name in attributes else None
-        return Appearance((self._known[index],), uv=uv, vertex_colors=colors)
+            self._known[index] = _material(entry, **self._maps(entry, infos))
+        sources = {name: source for name, info in infos.items() if (source := _uv_source(info))[0] in attributes}
+        arrays = {source: _coordinates(attribute(source[0]), dict(source[1])) for source in set(sources.values())}
+        first = sources.get("texture") if "texture" in infos else next(iter(sources.values()), None)
+        map_uv = {name: arrays[source] for name, source in sources.items() if source != first}
+        uv = None if first is None else arrays[first]
+        return Appearance((self._known[index],), uv=uv, vertex_colors=colors, map_uv=map_uv)  # type: ignore[arg-type]
 
-    def _texture(self, index: Any) -> Texture:
+    def _maps(self, entry: dict[str, Any], infos: dict[str, dict[str, Any]]) -> dict[str, Texture]:
+        """Read the textures of a material; except for the base color's, unreadable ones are left out with a warning."""
+        found = {}
+        for name, info in infos.items():
+            try:
+                found[name] = self._texture(info["index"], "srgb" if name in _COLORED else "linear")
+            except Exception as error:  # malformed files may raise any exception
+                if name == "texture":
+                    raise
+                reason = truncate(describe_exception(error))
+                subject = f"material {truncate(str(entry.get('name') or ''))!r}"
+                warn_user(f"{self._file}: left out the {name} of {subject} ({reason})", UserWarning)
+        return found
+
+    def _texture(self, index: Any, color_space: ColorSpace) -> Texture:
         """Read a texture (3.8); its image is decoded on first use."""
         entry = self._data.one("textures", index)
-        if index in self._textures:
-            return self._textures[index]
+        key = index, color_space
+        if key in self._textures:
+            return self._textures[key]
         sampler = self._data.one("samplers", entry["sampler"]) if entry.get("sampler") is not None else {}
         extensions = entry.get("extensions") or {}
         alternatives = [extensions[name]["source"] for name in _SOURCES if name in extensions]
         number = entry.get("source", *alternatives[:1]) if alternatives else entry.get("source")
         source, name = self._image(number)
-        self._textures[index] = Texture(
+        self._textures[key] = Texture(
             source,
             name,
             wrap_u=_WRAPS.get(sampler.get("wrapS"), "repeat"),
             wrap_v=_WRAPS.get(sampler.get("wrapT"), "repeat"),
             filter=_FILTERS.get(sampler.get("magFilter"), "linear"),
+            color_space=color_space,
         )
-        return self._textures[index]
+        return self._textures[key]
 
     def _image(self, number: Any) -> tuple[Path | bytes, str]:
         if number is None:
@@ -135,10 +153,30 @@ def _read_or_warn(
 
 
 def _plain(entry: dict[str, Any]) -> Appearance:
-    return Appearance((_material(entry, None),))
+    return Appearance((_material(entry),))
 
 
-def _material(entry: dict[str, Any], texture: Texture | None) -> Material:
+def _infos(entry: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the texture infos of a material, by the field of `Material`; that of the base color is first."""
+    rough = entry.get("pbrMetallicRoughness") or {}
+    found = {"texture": _base(entry)[1], "metallic_roughness_texture": rough.get("metallicRoughnessTexture")}
+    found |= {f"{name}_texture": entry.get(f"{name}Texture") for name in ("normal", "occlusion", "emissive")}
+    return {name: info for name, info in found.items() if info is not None}
+
+
+def _uv_source(info: dict[str, Any]) -> tuple[str, tuple[tuple[str, Any], ...]]:
+    """Return the attribute of a texture's coordinates, and their transform."""
+    transform = (info.get("extensions") or {}).get(TRANSFORM) or {}
+    number = transform.get("texCoord", info.get("texCoord", 0))
+    parts = {key: transform[key] for key in ("offset", "rotation", "scale") if key in transform}
+    return f"TEXCOORD_{number}", tuple((key, _hashable(value)) for key, value in parts.items())
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _material(entry: dict[str, Any], **textures: Texture) -> Material:
     """Read a material (3.9); its factors are linear."""
     color, _ = _base(entry)
     rough = entry.get("pbrMetallicRoughness") or {}
@@ -148,13 +186,16 @@ def _material(entry: dict[str, Any], texture: Texture | None) -> Material:
         name=str(entry.get("name") or ""),
         base_color=tuple(color),
         color_space="linear",
-        texture=texture,
         alpha_mode=str(entry.get("alphaMode", "OPAQUE")).lower(),  # type: ignore[arg-type]  # it checks it
         alpha_cutoff=entry.get("alphaCutoff", 0.5),
         metallic=rough.get("metallicFactor", 0.0 if _OLD in extensions else 1.0),
         roughness=rough.get("roughnessFactor", 1.0),
         emission=tuple(np.multiply(strength, entry.get("emissiveFactor", (0, 0, 0))).tolist()),
         double_sided=entry.get("doubleSided", False),
+        shading="phong" if _OLD in extensions and "pbrMetallicRoughness" not in entry else "pbr",
+        normal_scale=(entry.get("normalTexture") or {}).get("scale", 1.0),
+        occlusion_strength=(entry.get("occlusionTexture") or {}).get("strength", 1.0),
+        **textures,  # type: ignore[arg-type]  # by the fields of `_infos`
     )
 
 

@@ -35,6 +35,9 @@ _MAX_SKEW = 1e-6
 Rows = Callable[[str], NDArray[np.generic]]
 """Reads an attribute of a primitive."""
 
+_Triangles = tuple[NDArray[np.float64], NDArray[np.integer]]
+"""Vertices and faces."""
+
 _MAX_SETS = 16
 """Maximum number of sets of four joints each."""
 
@@ -150,14 +153,15 @@ class Shape:
         self, vertices: NDArray[np.float64], faces: NDArray[np.integer], appearance: LazyAppearance | None = None
     ) -> None:
         self.vertices, self.faces, self.appearance = vertices, faces, appearance
-        self._scaled: dict[bytes, tuple[NDArray[np.float64], NDArray[np.integer]]] = {}
+        self._scaled: dict[bytes, tuple[_Triangles, LazyAppearance | None]] = {}
 
     def placed(self, name: str, placement: NDArray[np.float64], extras: dict[str, Any]) -> Part:
         """Return the mesh in the file's frame."""
         with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = self.vertices @ placement[:3, :3].T + placement[:3, 3]
         mesh = corners, keep_winding(self.faces, placement[:3, :3])
-        return Part(name, mesh, _label(extras), appearance=self.appearance, extras=extras)
+        appearance = None if self.appearance is None else self.appearance.transformed(placement[:3, :3])
+        return Part(name, mesh, _label(extras), appearance=appearance, extras=extras)
 
     def shared(
         self, names: list[str], placements: NDArray[np.float64], parts: Split, extras: dict[str, Any], *, movable: bool
@@ -171,14 +175,22 @@ class Shape:
             if not fits:
                 yield self.placed(name, matrix, extras)
                 continue
-            mesh, label = self._of_size(size.tobytes(), factors), _label(extras)
-            yield Part(name, mesh, label, row, has_frame=movable, appearance=self.appearance, extras=extras)
+            mesh, appearance = self._of_size(size, factors)
+            yield Part(name, mesh, _label(extras), row, has_frame=movable, appearance=appearance, extras=extras)
 
-    def _of_size(self, key: bytes, factors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
-        """Return the scaled mesh."""
+    def _of_size(
+        self, size: NDArray[np.float32], factors: NDArray[np.float64]
+    ) -> tuple[_Triangles, LazyAppearance | None]:
+        """Return the scaled mesh and its appearance; `size` are the factors in single precision."""
+        key = size.tobytes()
         if key not in self._scaled:
             with np.errstate(invalid="ignore", over="ignore"):
-                self._scaled[key] = self.vertices * factors, keep_winding(self.faces, np.diag(factors))
+                mesh = self.vertices * factors, keep_winding(self.faces, np.diag(factors))
+            is_similar = bool((size == size[0]).all() and size[0] > 0)
+            appearance = self.appearance
+            if appearance is not None and not is_similar:
+                appearance = appearance.transformed(np.diag(factors))
+            self._scaled[key] = mesh, appearance
         return self._scaled[key]
 
 
@@ -193,12 +205,14 @@ def _sizes(factors: NDArray[np.float64]) -> NDArray[np.float32]:
         return factors.astype(np.float32)
 
 
-def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weights: Json) -> NDArray[np.float64]:
-    """Apply the morph targets (3.7.2.2) that have a nonzero weight; None if node and mesh have no weights."""
+def morphed(
+    data: GltfData, vertices: NDArray[np.float64], attribute: str, targets: Json, weights: Json
+) -> NDArray[np.float64]:
+    """Apply the morph targets (3.7.2.2) of an attribute that have a nonzero weight; `weights` may be None."""
     if not (isinstance(targets, list) and isinstance(weights, list)):
         return vertices
     for target, weight in zip(targets, weights, strict=False):
-        place = target.get("POSITION")
+        place = target.get(attribute)
         if not weight or place is None or not data.has_data(place):
             continue
         moved = data.accessor(place)
@@ -208,20 +222,27 @@ def morphed(data: GltfData, vertices: NDArray[np.float64], targets: Json, weight
     return vertices
 
 
-def skinned(
-    vertices: NDArray[np.float64], attributes: dict[str, Any], rows: Rows, joints: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Apply the skin (3.7.3.3), with the result of `joint_matrices`, to vertices; the result is in the file's frame.
+def skinned(vertices: NDArray[np.float64], transforms: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vertices in the file's frame (3.7.3.3), from the result of `skin_transforms`."""
+    with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
+        return np.einsum("vij,vj->vi", transforms[:, :3, :3], vertices) + transforms[:, :3, 3]
 
-    Vertices whose weights are all 0 do not move. `rows` reads an attribute: ``JOINTS_0``, ``WEIGHTS_0``, ...
+
+def skin_transforms(
+    count: int, attributes: dict[str, Any], rows: Rows, joints: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the matrices of `count` vertices of a skin to the file's frame, shape ``(count, 4, 4)``.
+
+    Vertices whose weights are all 0 do not move. `rows` reads an attribute: ``JOINTS_0``, ``WEIGHTS_0``, ...; `joints`
+    is the result of `joint_matrices`.
     """
-    transforms, total = np.zeros((len(vertices), 4, 4)), np.zeros(len(vertices))
+    transforms, total = np.zeros((count, 4, 4)), np.zeros(count)
     for number in range(_MAX_SETS):
         if f"JOINTS_{number}" not in attributes:
             break
         chosen, weights = rows(f"JOINTS_{number}").astype(np.int64), rows(f"WEIGHTS_{number}").astype(np.float64)
-        if not chosen.shape == weights.shape == (len(vertices), 4):
-            raise ValueError(f"a skin needs 4 joints and weights of {len(vertices)} vertices each, got {weights.shape}")
+        if not chosen.shape == weights.shape == (count, 4):
+            raise ValueError(f"a skin needs 4 joints and weights of {count} vertices each, got {weights.shape}")
         if chosen.size and not 0 <= chosen.min() <= chosen.max() < len(joints):
             raise ValueError(f"a vertex moves with joint {chosen.max()} of {len(joints)}")
         for column in range(4):
@@ -231,7 +252,7 @@ def skinned(
     transforms[unweighted], total[unweighted] = np.eye(4), 1.0
     with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
         transforms /= total[:, None, None]
-        return np.einsum("vij,vj->vi", transforms[:, :3, :3], vertices) + transforms[:, :3, 3]
+    return transforms
 
 
 def joint_matrices(data: GltfData, skin: Json) -> NDArray[np.float64]:

@@ -76,7 +76,7 @@ def color_pixels(message: Message) -> NDArray[np.uint8]:
     pixels = rows.reshape(len(rows), -1, _CHANNELS[encoding])
     if encoding == "mono8":
         return np.repeat(pixels, 3, axis=2)
-    return np.ascontiguousarray(pixels[..., :3] if encoding.startswith("rgb") else pixels[..., 2::-1])
+    return np.array(pixels[..., :3] if encoding.startswith("rgb") else pixels[..., 2::-1], order="C")
 
 
 def _rows(message: Message, pixel_bytes: int, name: str) -> NDArray[np.uint8]:

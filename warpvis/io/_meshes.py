@@ -29,11 +29,12 @@ from warpvis.io._files import is_archive, unpack
 from warpvis.io._gltf import FileMeshes, read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
-from warpvis.io._obj import ObjMaterials, obj_order, obj_splits, require_obj_elements, straighten_obj
+from warpvis.io._obj import ObjMaterials, has_normals, obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._ply import straighten_ply
 from warpvis.scene import Axis, FileParts, Part, keep_winding
-from warpvis.scene.appearances import LazyAppearance, choose_appearance
+from warpvis.scene.appearances import FileNormals, LazyAppearance, choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
+from warpvis.scene.normals import have_direction, transform_normals
 
 _GLTF = ("glb", "gltf")
 _NAMELESS = ("geometry_0", "geometry")
@@ -229,12 +230,12 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
         if kind in _GLTF:
             return read_gltf(name, file, find, locate)
         if kind == "dae":
-            return _load_collada(file, locate)
+            return _load_collada(name, file, locate)
         if kind == "3mf":
             return _load_3mf(Path(name), file)
         if kind == "ply":
             file = straighten_ply(file)
-        return _load_obj(name, file, locate) if kind == "obj" else _load_by_trimesh(file, kind)
+        return _load_obj(name, file, locate) if kind == "obj" else _load_by_trimesh(name, file, kind)
     except FileFormatError:
         raise
     except Exception as error:  # third-party readers may raise any exception
@@ -255,13 +256,11 @@ class _Textures:
         return found.read_bytes() if isinstance(found, Path) else found
 
 
-def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
+def _load_collada(name: str, file: bytes, locate: Locate) -> FileMeshes:
     """Read COLLADA in meters, with the vertical axis defined in the file; files with x up are rotated to y up."""
     meters, axis = unit_and_axis(file)
     rotation = np.eye(3) if axis != "X_UP" else np.array([(0.0, -1, 0), (1, 0, 0), (0, 0, 1)])
-    found = _load_by_trimesh(
-        without_skins(file), "dae", lambda vertices: meters * vertices @ rotation.T, resolver=_Textures(locate)
-    )
+    found = _load_by_trimesh(name, without_skins(file), "dae", meters * rotation, resolver=_Textures(locate))
     found.up = "z" if axis == "Z_UP" else "y"
     return found
 
@@ -269,7 +268,7 @@ def _load_collada(file: bytes, locate: Locate) -> FileMeshes:
 def _load_3mf(path: Path, file: bytes) -> FileMeshes:
     """Read 3MF in meters, in the file's order; z is up, as specified by the format."""
     meters, names = unit_and_names(unpack(path, file))
-    found = _load_by_trimesh(file, "3mf", lambda vertices: meters * vertices)
+    found = _load_by_trimesh(str(path), file, "3mf", meters * np.eye(3))
     order = {name: number for number, name in enumerate(names)}
     found.parts.sort(key=lambda part: order.get(part.name, len(order)))
     found.up = "z"
@@ -280,8 +279,9 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     text, notes = straighten_obj(file)
     materials = ObjMaterials(name, text, locate)
     options: dict[str, Any] = {"group_material": False, "skip_materials": True, **obj_splits(text)}
+    options["expects_normals"] = has_normals(text)
     try:
-        found = _load_by_trimesh(text, "obj", appearance_of=materials.appearance, **options)
+        found = _load_by_trimesh(name, text, "obj", appearance_of=materials.appearance, **options)
     except Exception:  # trimesh's exceptions do not name the line
         require_obj_elements(file)
         raise
@@ -292,15 +292,17 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
 
 
 def _load_by_trimesh(
+    file_name: str,
     file: bytes,
     kind: str,
-    convert: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda vertices: vertices,
+    linear: NDArray[np.float64] | None = None,
     appearance_of: Callable[[str, LazyAppearance | None, int], LazyAppearance | None] = lambda name, found, faces: (
         found
     ),
+    expects_normals: bool = False,
     **options: Any,
 ) -> FileMeshes:
-    """Read a file; convert its vertices, and its appearances by name, appearance and number of triangles."""
+    """Read a file; transform its vertices, and convert its appearances by name, appearance and number of triangles."""
     import trimesh
 
     # trimesh logs tracebacks of exceptions that it raises or handles; a user's own handlers still receive them.
@@ -309,22 +311,35 @@ def _load_by_trimesh(
         log.addHandler(logging.NullHandler())
     # Preserve face order and shared corners of the file.
     loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
-    found = FileMeshes()
+    found, file_normals = FileMeshes(), FileNormals(file_name)
     for node in loaded.graph.nodes_geometry:
         placement, geometry = loaded.graph[node]
         mesh, name = loaded.geometry[geometry], "" if node in _NAMELESS else str(node)
         if not len(getattr(mesh, "faces", ())):
             found.empty.append(name or str(node))
             continue
-        vertices = np.asarray(mesh.vertices, dtype=np.float64)
+        vertices, subject = np.asarray(mesh.vertices, dtype=np.float64), name or kind.upper()
         with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
             corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-        appearance = choose_appearance(
-            None, mesh, name or kind.upper(), (len(vertices), len(mesh.faces)), color_space="srgb"
-        )
-        triangles = convert(corners), keep_winding(mesh.faces, placement[:3, :3])
-        found.parts.append(Part(name, triangles, appearance=appearance_of(name, appearance, len(mesh.faces))))
+            corners = corners if linear is None else corners @ linear.T
+        appearance = choose_appearance(None, mesh, subject, (len(vertices), len(mesh.faces)), color_space="srgb")
+        appearance = appearance_of(name, appearance, len(mesh.faces))
+        triangles = corners, keep_winding(mesh.faces, placement[:3, :3])
+        normals = mesh._cache.cache.get("vertex_normals")  # the property would compute missing ones
+        if normals is not None:
+            total = placement[:3, :3] if linear is None else linear @ placement[:3, :3]
+            read = partial(transform_normals, normals.astype(np.float32), total)
+            mesh = None if have_direction(normals).all() else partial(tuple, triangles)  # freed unless it is needed
+            appearance = file_normals.add(appearance, repr(subject), read, mesh)
+        elif expects_normals:
+            appearance = file_normals.add(appearance, repr(subject), _refuse_normals, None)
+        found.parts.append(Part(name, triangles, appearance=appearance))
     return found
+
+
+def _refuse_normals() -> NDArray[np.float32]:
+    """Raise an error for an OBJ object whose normals trimesh did not read."""
+    raise ValueError("some corners have none, or the index of none")
 
 
 def _unique(names: Sequence[str]) -> list[str]:

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Conversion of depth images and points to ROS 2 messages, and of messages to depth images."""
+"""Conversion of depth images, color images and points to ROS 2 messages, and of messages to images."""
 
 from __future__ import annotations
 
+import io
 from typing import Any, Literal
 
 import numpy as np
@@ -13,18 +14,26 @@ from numpy.typing import NDArray
 from warpvis.cameras.depth_images import check_meters
 from warpvis.cameras.image_cameras import ImageCamera, as_pinhole, require_image_camera
 from warpvis.core.arrays import as_numpy, on_gpu
-from warpvis.core.checks import check_choice
+from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 from warpvis.io._cloud_messages import DATATYPES, CloudLayout, as_layout, check_cloud
 from warpvis.io._depth import depth_to_units, require_meters, units_to_depth, warn_of_lost
-from warpvis.io._image_messages import depth_pixels
+from warpvis.io._image_messages import color_pixels, depth_pixels
 
 DepthEncoding = Literal["32FC1", "16UC1"]
 """Encoding of depth in an Image, as defined by REP 118."""
 
+ColorEncoding = Literal["rgb8", "bgr8"]
+"""Encoding of color in an Image."""
+
+Compression = Literal["jpeg", "png"]
+"""Format of the file in a CompressedImage."""
+
 _MILLIMETERS = 1000.0
+_PNG_LEVEL = 3
+"""Compression level of PNG, the default of compressed_image_transport."""
 
 
 def to_image_msg(
@@ -59,16 +68,76 @@ def to_image_msg(
         pixels = np.ascontiguousarray(units, dtype="<u2")
     else:
         pixels = np.array(image, dtype="<f4", order="C")  # a copy, since renderers reuse their arrays
-    height, width = pixels.shape
+    return _image_message(pixels, encoding, maker, maker.header(frame_id, stamp))
+
+
+def to_color_msg(
+    color: ArrayInput,
+    *,
+    frame_id: str,
+    stamp: Stamp = 0.0,
+    encoding: ColorEncoding = "rgb8",
+    types: MessageTypes | None = None,
+) -> Message:
+    """Create a ``sensor_msgs/Image`` from a color image. It shares no memory with the image.
+
+    Args:
+        color: Color in sRGB, uint8, shape ``(H, W, 3)`` or ``(1, H, W, 3)``, of NumPy, Warp, PyTorch, ..., on any
+            device, as `Views.color` of one view.
+        frame_id: The camera's optical frame.
+        stamp: Time of the image [s], or a Time message.
+        encoding: Order of the channels in the message, ``"rgb8"`` or ``"bgr8"``.
+        types: A type store of rosbags; by default ROS's own classes, which must be installed.
+
+    Raises:
+        ArrayError: If it is not a color image.
+        MessageError: If another argument is invalid, or ROS is not installed.
+    """
+    maker = MessageMaker(types)
+    check_choice(encoding, "encoding", ("rgb8", "bgr8"), MessageError)
+    image = _read_color(color)
+    pixels = np.array(image if encoding == "rgb8" else image[..., ::-1], order="C")  # renderers reuse their arrays
+    return _image_message(pixels, encoding, maker, maker.header(frame_id, stamp))
+
+
+def to_compressed_msg(
+    color: ArrayInput,
+    *,
+    frame_id: str,
+    stamp: Stamp = 0.0,
+    compression: Compression = "jpeg",
+    quality: int = 95,
+    types: MessageTypes | None = None,
+) -> Message:
+    """Create a ``sensor_msgs/CompressedImage`` from a color image, as compressed_image_transport publishes it.
+
+    Args:
+        color: Color in sRGB, as for `to_color_msg`.
+        frame_id: The camera's optical frame.
+        stamp: Time of the image [s], or a Time message.
+        compression: ``"jpeg"``, or ``"png"``, which is lossless.
+        quality: Quality of JPEG, 1 to 100.
+        types: A type store of rosbags; by default ROS's own classes, which must be installed.
+
+    Raises:
+        ArrayError: If it is not a color image.
+        MessageError: If another argument is invalid, or ROS is not installed.
+    """
+    from PIL import Image
+
+    maker = MessageMaker(types)
+    check_choice(compression, "compression", ("jpeg", "png"), MessageError)
+    if check_whole(quality, "quality", minimum=1, error=MessageError) > 100:
+        raise MessageError(f"quality must be from 1 to 100, got {quality}")
+    file = io.BytesIO()
+    options = {"quality": quality} if compression == "jpeg" else {"compress_level": _PNG_LEVEL}
+    Image.fromarray(_read_color(color)).save(file, compression, **options)
     return maker.make(
-        "sensor_msgs/msg/Image",
+        "sensor_msgs/msg/CompressedImage",
         header=maker.header(frame_id, stamp),
-        height=height,
-        width=width,
-        encoding=encoding,
-        is_bigendian=0,
-        step=width * pixels.itemsize,
-        data=maker.sequence(pixels.reshape(-1).view(np.uint8)),
+        # The encoding of the image after decompression, and that in which OpenCV decodes the file.
+        format=f"rgb8; {compression} compressed bgr8",
+        data=maker.sequence(np.frombuffer(file.getbuffer(), dtype=np.uint8)),
     )
 
 
@@ -87,10 +156,24 @@ def from_image_msg(message: Message) -> NDArray[np.float32]:
     return pixels if pixels.dtype.kind == "f" else units_to_depth(pixels, 1 / _MILLIMETERS)
 
 
+def from_color_msg(message: Message) -> NDArray[np.uint8]:
+    """Return the color image of a ``sensor_msgs/Image`` or ``CompressedImage`` in sRGB, shape ``(H, W, 3)`` uint8.
+
+    An Image has the encoding rgb8, bgr8, rgba8, bgra8 or mono8, with or without padded rows; a CompressedImage is a
+    JPEG or PNG file. Opacity is ignored, and gray has three equal channels. The message is of ROS 2, rosbags or ROS 1,
+    or any object with its fields.
+
+    Raises:
+        MessageError: If it is not such an image, has another encoding, or is damaged.
+    """
+    return color_pixels(message)
+
+
 def to_pointcloud2(
     points: ArrayInput,
     camera: ImageCamera | None = None,
     *,
+    colors: ArrayInput | None = None,
     frame_id: str,
     stamp: Stamp = 0.0,
     layout: CloudLayout | None = None,
@@ -98,7 +181,8 @@ def to_pointcloud2(
 ) -> Message:
     """Create a ``sensor_msgs/PointCloud2``. It shares no memory with the arguments.
 
-    For depth images and points it has the fields x, y and z, float32; for a lidar's cloud those of the cloud.
+    For depth images and points it has the fields x, y and z, float32; for a lidar's cloud those of the cloud. With
+    `colors`, the field rgb follows, float32, whose bits are ``0x00RRGGBB``, as PCL and RViz read it.
 
     Args:
         points: With `camera`, its depth image [m], shape ``(H, W)`` or ``(1, H, W)``: the cloud has the image's rows
@@ -107,6 +191,8 @@ def to_pointcloud2(
             rows and columns; or a lidar's cloud, as returned by `warpvis.sensors.point_clouds`, whose times are
             relative to `stamp`.
         camera: The camera of a depth image, which may be a `warpvis.cameras.LensCamera`.
+        colors: Colors of the points in sRGB, uint8, shape ``(H, W, 3)``, ``(1, H, W, 3)`` or ``(N, 3)``, as
+            `Views.color` of one view; not for the `layout` of a driver.
         frame_id: The frame of the points; for a depth image, the camera's optical frame.
         stamp: Time of the image [s], or a Time message.
         layout: Driver whose fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
@@ -122,14 +208,58 @@ def to_pointcloud2(
     """
     maker = MessageMaker(types)
     if camera is None and isinstance(points, np.ndarray) and points.dtype.names is not None:
-        return _cloud_message(as_layout(check_cloud(points), layout, stamp), maker, maker.header(frame_id, stamp))
+        if colors is not None and layout is not None:
+            raise MessageError(f'colors are not in the fields of the layout "{layout}"; omit one of the two')
+        named = _add_colors(as_layout(check_cloud(points), layout, stamp), colors)
+        return _cloud_message(named, maker, maker.header(frame_id, stamp))
     if layout is not None:
         raise MessageError(f"layout is for a lidar's cloud, an array with named fields, got {layout!r}")
     cloud = _read_points(points) if camera is None else _back_project(_read_image(points), require_image_camera(camera))
     # Points of a depth image may be NaN in other messages, so these are never declared dense.
     dense = camera is None and bool(np.isfinite(cloud).all())
     named = np.ascontiguousarray(cloud).view([(axis, "<f4") for axis in "xyz"])[..., 0]
-    return _cloud_message(named, maker, maker.header(frame_id, stamp), dense=dense)
+    return _cloud_message(_add_colors(named, colors), maker, maker.header(frame_id, stamp), dense=dense)
+
+
+def _add_colors(cloud: NDArray[np.void], colors: ArrayInput | None) -> NDArray[np.void]:
+    """Return a packed cloud with the field rgb, if colors are given."""
+    if colors is None:
+        return cloud
+    channels = _on_host(colors, "colors")
+    expected = (*cloud.shape, 3)
+    if channels.dtype != np.uint8 or _without_views(channels.shape) != _without_views(expected):
+        raise ArrayError(
+            f"colors must be uint8 of shape {_without_views(expected)}, one for each point, got {channels.dtype} of "
+            f"{channels.shape}"
+        )
+    red, green, blue = np.moveaxis(channels.reshape(expected).astype("<u4"), -1, 0)
+    colored = np.empty(cloud.shape, dtype=[*cloud.dtype.descr, ("rgb", "<f4")])
+    for name in cloud.dtype.names or ():
+        colored[name] = cloud[name]
+    colored["rgb"] = (red << 16 | green << 8 | blue).view("<f4")
+    return colored
+
+
+def _without_views(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return a shape without leading axes of length 1, but with the last two axes."""
+    while len(shape) > 2 and shape[0] == 1:
+        shape = shape[1:]
+    return shape
+
+
+def _image_message(pixels: NDArray[Any], encoding: str, maker: MessageMaker, header: Message) -> Message:
+    """Create an Image from contiguous pixels, shape ``(H, W)`` or ``(H, W, channels)``."""
+    height, width = pixels.shape[:2]
+    return maker.make(
+        "sensor_msgs/msg/Image",
+        header=header,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels.nbytes // height,
+        data=maker.sequence(pixels.reshape(-1).view(np.uint8)),
+    )
 
 
 def _cloud_message(cloud: NDArray[np.void], maker: MessageMaker, header: Message, dense: bool | None = None) -> Message:
@@ -170,6 +300,16 @@ def _read_image(depth: ArrayInput) -> NDArray[Any]:
         image = image[0]
     if image.ndim != 2 or not image.size:
         raise ArrayError(f"depth must be one image of shape (H, W), got {image.shape}")
+    return image
+
+
+def _read_color(color: ArrayInput) -> NDArray[np.uint8]:
+    """Return one color image on the host, shape ``(H, W, 3)``."""
+    image = _on_host(color, "color")
+    if image.ndim == 4 and len(image) == 1:
+        image = image[0]
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[-1] != 3 or not image.size:
+        raise ArrayError(f"color must be one image of shape (H, W, 3), uint8, got {image.dtype} of {image.shape}")
     return image
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,11 +40,13 @@ _DIRECTIVE = {
 }
 _LIBRARY = re.compile(rb"\nmtllib ++([^\n]*)")
 _FACE = re.compile(rb"\nf ([^\n]*)")
+_NORMAL = re.compile(rb"\nf [0-9]++/[0-9]*+/[0-9]")
 
 # Options of maps, and the maximum number of values of each; fewer numbers may precede the file name.
 _OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2}
 _WORD = ("-clamp", "-blendu", "-blendv", "-cc", "-bm", "-boost", "-texres", "-imfchan", "-type")
 _ONCE = (1.0, 1.0)
+_PBR = {"pm", "pr", "norm", "map_ke"}  # keywords of physically based materials
 
 
 def straighten_obj(file: bytes) -> tuple[bytes, list[str]]:
@@ -101,6 +104,11 @@ def obj_splits(text: bytes) -> dict[str, bool]:
     """Return the options that split the file into its objects, or into its groups if it has no objects."""
     kind = _part_kind(text)
     return {"split_objects": kind == "object", "split_groups": kind == "group"}
+
+
+def has_normals(text: bytes) -> bool:
+    """Return whether a face indexes normals."""
+    return _NORMAL.search(text) is not None
 
 
 def _part_kind(text: bytes) -> str:
@@ -276,6 +284,7 @@ def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
         return default if found is None else tuple(np.clip(found, 0, upper).tolist())
 
     texture, repeat = _texture(statements["map_kd"], locate) if statements.get("map_kd") else (None, _ONCE)
+    normal, glow = (_texture(statements[key], locate)[0] if statements.get(key) else None for key in ("norm", "map_ke"))
     opacity = _numbers(statements.get("d", "").replace("-halo", ""), 1)
     if opacity is None and "tr" in statements:
         transparency = _numbers(statements["tr"], 1)
@@ -291,7 +300,10 @@ def mtl_material(statements: dict[str, str], locate: Locate) -> Material:
         roughness=read("pr", (1.0,))[0],
         specular=read("ks", (0.0, 0.0, 0.0)),
         shininess=read("ns", (0.0,), np.inf)[0],
-        emission=read("ke", (0.0, 0.0, 0.0), np.inf),
+        emission=read("ke", (0.0, 0.0, 0.0) if glow is None else (1.0, 1.0, 1.0), np.inf),
+        normal_texture=None if normal is None else replace(normal, color_space="linear"),
+        emissive_texture=glow,
+        shading="pbr" if _PBR & statements.keys() else "phong",
     )
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._meshes import read_mesh_file
 from warpvis.scene import Y_UP_TO_Z_UP, Axis, FileParts, SceneObject
+from warpvis.scene.lights import HEADLIGHT
 
 _WEBOTS = (".wbt",)
 _MUJOCO = (".xml", ".urdf")
@@ -60,7 +62,8 @@ def read_parts(
         from warpvis.mujoco import read_model
 
         return read_model(path, search_path=search_folders, strict=strict)
-    return read_mesh_file(path, search_path=search_folders, strict=strict)
+    found = read_mesh_file(path, search_path=search_folders, strict=strict)
+    return found if found.lights else replace(found, lights=(HEADLIGHT,))
 
 
 def export_scene(

@@ -36,7 +36,8 @@ from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
 from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
-from warpvis.maps._occupancy_map import OccupancyMap, render_surface
+from warpvis.maps._occupancy_lookup import render_surface
+from warpvis.maps._occupancy_map import OccupancyMap
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene, require_scene
@@ -298,7 +299,7 @@ def _map_images(space: OccupancyMap, camera: ImageCamera, threads: int) -> _Expe
     pinhole = require_camera(camera)
 
     def expect(poses: wp.array, chosen: slice | NDArray[np.integer], without: Sequence[int]) -> Expected:
-        depth, nearest, farthest = render_surface(space, pinhole, poses, 3, threads)
+        depth, nearest, farthest = render_surface(space.device_struct(), pinhole, poses, 3, threads)
         objects = wp.full(depth.shape, -1, dtype=wp.int32, device=depth.device)
         return Expected(depth, objects, (nearest, farthest))
 

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ GATE = 3.0
 
 # Limits of estimated noise at 1 m [m], and the factor for errors that neighboring points share.
 _NOISES, _SAFETY = (0.001, 0.006), 2.0
+
+# Fraction of cells, the thinnest, whose surface is flat: others contain edges and clutter, such as steps of a stair.
+_FLAT_CELLS = 0.25
 
 # Noise of depth at which a cell counts half [m].
 _NOISE_AT_HALF = 0.1
@@ -67,6 +71,12 @@ class Cells:
     """Whether the points define a normal, shape ``(M,)``."""
     noise: float
     """Standard deviation of depth at 1 m [m]; it grows with the square of the distance."""
+
+    @cached_property
+    def directions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Direction of each point from the camera, as an index, and number of points of each direction."""
+        keys = _direction_keys(self.points / np.maximum(self.distances, 1e-9)[:, None])
+        return keys, np.bincount(keys, minlength=(2 * _DIRECTIONS + 1) ** 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,12 +147,12 @@ def group_points(points: Array, noise: float | None) -> Cells:
 def _estimate_noise(thickness: Array, centers: Array, normals: Array) -> float:
     """Return the standard deviation of depth at 1 m [m], from cells of flat surfaces.
 
-    Errors that are equal for all points of a cell do not contribute: the median is multiplied by a safety factor.
+    Errors that are equal for all points of a cell do not contribute: a quantile is multiplied by a safety factor.
     """
     across = np.linalg.norm(centers, axis=1) * np.abs(np.einsum("ij,ij->i", normals, centers))
     if not len(thickness):
         return _NOISES[0]
-    return float(np.clip(_SAFETY * np.median(thickness / np.maximum(across, 1e-3)), *_NOISES))
+    return float(np.clip(_SAFETY * np.quantile(thickness / np.maximum(across, 1e-3), _FLAT_CELLS), *_NOISES))
 
 
 def find_planes(cells: Cells, up: Array, tolerance: float, min_area: float, seed: int) -> list[Plane]:
@@ -151,7 +161,7 @@ def find_planes(cells: Cells, up: Array, tolerance: float, min_area: float, seed
     normals, heights = _hypotheses(cells, upright, up, tolerance, seed)
     if not len(normals):
         return []
-    fits = _members(cells, normals, heights)
+    fits = _agreement(cells, normals, heights, GATE / 2)
     planes: list[Plane] = []
     free = np.ones(len(cells.areas), dtype=bool)
     for _ in range(_MAX_PLANES):
@@ -159,15 +169,15 @@ def find_planes(cells: Cells, up: Array, tolerance: float, min_area: float, seed
         best = int(np.argmax(gains))
         if gains[best] < min_area:
             break
-        free_before = free.copy()
-        free[fits[best]] = False
-        normal, height = normals[best], heights[best]
-        members = fits[best] & free_before
+        normal, height, agreement = normals[best], heights[best], fits[best] * free
+        others = free.copy()
+        free[agreement > 0] = False
         for _ in range(4):
-            if members.sum() < _MIN_CELLS:
+            if np.count_nonzero(agreement) < _MIN_CELLS:
                 break
-            normal, height = _fit(cells, members, height, up)
-            members = _members(cells, normal[None], np.array([height]))[0] & free_before
+            normal, height = _fit(cells, agreement, height, up)
+            agreement = _agreement(cells, normal[None], np.array([height]), GATE)[0] * others
+        members = agreement > 0
         # A plane of area A passes A |n|_1 / s^2 cubes of side s.
         area = float(cells.areas[members].sum() / np.abs(normal).sum())
         if members.sum() < _MIN_CELLS or height <= 0 or area < min_area or normal @ up < np.cos(tolerance):
@@ -225,22 +235,28 @@ def _hypotheses(cells: Cells, upright: NDArray[np.intp], up: Array, tolerance: f
     return normals[valid], heights[valid]
 
 
-def _members(cells: Cells, normals: Array, heights: Array) -> NDArray[np.bool_]:
-    """Return which cells are in which planes, shape ``(planes, M)``: near them, thin across them, and parallel."""
+def _agreement(cells: Cells, normals: Array, heights: Array, gate: float) -> Array:
+    """Return how well cells agree with planes, shape ``(planes, M)``: near them, thin across them, and parallel.
+
+    It decreases from 1 to 0 with the square of the distance, up to `gate` standard deviations, as the score of MSAC
+    (Torr and Zisserman, MLESAC, 2000): a count of cells prefers planes between two levels, as of a floor and a low
+    object, if both are within the limit.
+    """
     x, y, z = normals.T
     quadratic = np.stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z], axis=1)
     c = cells.covariances
     moments = np.stack([c[:, 0, 0], c[:, 1, 1], c[:, 2, 2], c[:, 0, 1], c[:, 0, 2], c[:, 1, 2]])
     sigmas = deviations(cells.noise, cells.ranges[None], heights[:, None])
-    distances = (normals @ cells.centers.T + heights[:, None]) ** 2
+    squared = (normals @ cells.centers.T + heights[:, None]) ** 2 + quadratic @ moments
     cosines = normals @ cells.normals.T
     parallel = cosines * (_MAX_TANGENT + 2 * sigmas / cells.sides) > np.sqrt(np.maximum(1 - cosines**2, 0.0))
-    return (distances + quadratic @ moments < (GATE * sigmas) ** 2) & (parallel | ~cells.planar)
+    return np.where(parallel | ~cells.planar, np.maximum(1 - squared / (gate * sigmas) ** 2, 0.0), 0.0)
 
 
-def _fit(cells: Cells, members: NDArray[np.bool_], height: float, up: Array) -> tuple[Array, float]:
-    """Fit a plane to all points of cells, by weighted total least squares."""
-    weights = cells.counts[members] / deviations(cells.noise, cells.ranges[members], height) ** 2
+def _fit(cells: Cells, agreement: Array, height: float, up: Array) -> tuple[Array, float]:
+    """Fit a plane to all points of cells, by total least squares, weighted by agreement and precision."""
+    members = agreement > 0
+    weights = (agreement * cells.counts)[members] / deviations(cells.noise, cells.ranges[members], height) ** 2
     weights /= weights.sum()
     centers = cells.centers[members]
     mean = weights @ centers
@@ -257,14 +273,12 @@ def _area_below(cells: Cells, normal: Array, height: float, members: NDArray[np.
     A ray cannot pass an opaque floor: cells that are seen through the plane are reflections or noise, and ignored.
     """
     depths = -(cells.centers @ normal) - height
-    below = depths > np.maximum(0.04, 1.3 * GATE * deviations(cells.noise, cells.ranges, depths + height))
+    below = depths > 2 * GATE * deviations(cells.noise, cells.ranges, depths + height)
     if not below.any():
         return 0.0
     on_plane = members[cells.cell_of_point] & (cells.cell_of_point >= 0)
-    unit = cells.points / np.maximum(cells.distances, 1e-9)[:, None]
-    keys = _direction_keys(unit)
-    size = (2 * _DIRECTIONS + 1) ** 3
-    share = np.bincount(keys[on_plane], minlength=size) / np.maximum(np.bincount(keys, minlength=size), 1)
+    keys, counts = cells.directions
+    share = np.bincount(keys[on_plane], minlength=len(counts)) / np.maximum(counts, 1)
     past_border = share[_direction_keys(cells.centers[below] / cells.ranges[below, None])] < 0.5
     past_border &= cells.planar[below]
     hidden = float(cells.areas[below][past_border].sum() / np.abs(normal).sum())

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -220,9 +221,15 @@ def _read_points(measured: ArrayInput, camera: ImageCamera | None, matrix: NDArr
     check_shape(image.shape, (camera.height, camera.width), name="measured")
     depth = image.astype(np.float64)
     valid = (depth > 0) & (depth >= camera.near) & (depth <= min(camera.far, 1e6))
-    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
-    rays = camera.depth_rays(np.stack([x, y], axis=-1)) @ matrix[:3, :3].T
+    rays = _pixel_rays(camera) @ matrix[:3, :3].T
     return (rays * np.where(valid, depth, np.nan)[..., None]).reshape(*values.shape, 3)
+
+
+@lru_cache(maxsize=2)
+def _pixel_rays(camera: ImageCamera) -> NDArray[np.float64]:
+    """Return the rays of depth 1 of all pixels, shape ``(H, W, 3)``."""
+    y, x = np.mgrid[: camera.height, : camera.width] + 0.5
+    return camera.depth_rays(np.stack([x, y], axis=-1))
 
 
 def _choose_rows(points: NDArray[np.float64]) -> NDArray[np.float64]:

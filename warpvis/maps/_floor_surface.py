@@ -14,8 +14,8 @@ from warpvis.maps._floor_candidates import GATE, Array, Cells, Plane, deviations
 # Fraction of the standard deviation of points that is an error of whole regions, as of a depth camera's calibration.
 _SHARED = 0.2
 
-# Fewest points of a fit.
-_MIN_POINTS = 50
+# Fewest points of a fit, and the number of fits, each to the points within a limit that shrinks with their deviation.
+_MIN_POINTS, _ITERATIONS = 50, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +50,14 @@ def fit_surface(cells: Cells, floor: Plane) -> Surface:
     normal, height, gate = floor.normal, floor.height, GATE
     chosen = floor.members[cells.cell_of_point] & (cells.cell_of_point >= 0)
     points, distances = cells.points[chosen], cells.distances[chosen]
-    for _ in range(4):
+    near = np.zeros(0, dtype=bool)
+    for _ in range(_ITERATIONS):
         limits = deviations(cells.noise, distances, height)
         relative = np.abs(points @ normal + height) / limits
-        near = relative < GATE
-        gate = GATE * (float(np.clip(1.4826 * np.median(relative[near]), 0.3, 1.0)) if near.any() else 1.0)
-        near = relative < gate
-        if near.sum() < _MIN_POINTS:
+        inside = relative[relative < GATE]
+        gate = GATE * (float(np.clip(1.4826 * np.median(inside), 0.3, 1.0)) if len(inside) else 1.0)
+        before, near = near, relative < gate
+        if near.sum() < _MIN_POINTS or np.array_equal(near, before):
             break
         normal, height, _ = fit_plane(points[near], limits[near] ** -2)
     inliers, weights = points[near], limits[near] ** -2
@@ -64,9 +65,10 @@ def fit_surface(cells: Cells, floor: Plane) -> Surface:
     centers = cells.centers[floor.members]
     _, _, variances = fit_plane(centers, cells.areas[floor.members])
     error = sigma * math.sqrt(1 / len(centers) + _SHARED**2)
-    random_tilt = error / math.sqrt(max(variances[1], 1e-12))
-    random_rise = math.hypot(error, random_tilt * float(horizontal_distances(centers.mean(axis=0), normal)))
-    bend, rise = _compare_halves(inliers, weights, normal, height)
+    # One of the two axes of a tilt moves the plane below the camera, at this distance from the floor that is visible.
+    distance = float(horizontal_distances(centers.mean(axis=0), normal))
+    bend = _compare_halves(inliers, weights, normal)
+    tilt = max(error / math.sqrt(max(variances[1], 1e-12)), bend)
     return Surface(
         normal=normal,
         height=height,
@@ -74,31 +76,27 @@ def fit_surface(cells: Cells, floor: Plane) -> Surface:
         gate=gate,
         inlier_fraction=float(near.sum() / len(cells.points)),
         width=math.sqrt(12 * variances[1]),
-        tilt_sigma=max(random_tilt, bend),
-        height_sigma=max(random_rise, rise),
+        tilt_sigma=tilt,
+        height_sigma=math.hypot(error, tilt / math.sqrt(2) * distance),
         bend=bend,
     )
 
 
-def _compare_halves(points: Array, weights: Array, normal: Array, height: float) -> tuple[float, float]:
-    """Return the root mean squares of the angles [rad] and heights [m] of the floor's halves relative to the whole.
+def _compare_halves(points: Array, weights: Array, normal: Array) -> float:
+    """Return the root mean square of the angles between the normals of the floor's halves and of the whole [rad].
 
     The halves are near and far, left and right. They differ more than by random errors if depth is curved, as that of a
     camera that is not calibrated, or if the floor is not flat.
     """
     if len(points) < 4 * _MIN_POINTS:
-        return 0.0, 0.0
+        return 0.0
     right = np.cross(normal, points.mean(axis=0))
-    sides = right, np.cross(normal, right)
-    angles, rises = [], []
-    for side in sides:
+    cosines = []
+    for side in (right, np.cross(normal, right)):
         position = points @ side
         first = position < np.median(position)
-        for half in (first, ~first):
-            turned, offset, _ = fit_plane(points[half], weights[half])
-            angles.append(math.acos(min(1.0, float(turned @ normal))))
-            rises.append(offset - height)
-    return float(np.sqrt(np.mean(np.square(angles)))), float(np.sqrt(np.mean(np.square(rises))))
+        cosines += [float(fit_plane(points[half], weights[half])[0] @ normal) for half in (first, ~first)]
+    return float(np.sqrt(np.mean(np.square(np.arccos(np.minimum(cosines, 1.0))))))
 
 
 def horizontal_distances(points: Array, normal: Array) -> Array:

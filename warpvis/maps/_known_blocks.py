@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.maps._occupancy_blocks import BlockStorage
@@ -73,11 +72,11 @@ def write_blocks(storage: BlockStorage, known: KnownBlocks) -> None:
     storage.include(low, np.vstack([ends, known.mixed + 1]).max(axis=0))
 
     mixed = known.mixed - storage.first
-    listed = np.zeros((len(mixed), 4), dtype=np.int32)
-    listed[:, :3] = mixed
-    storage.fill(wp.array(listed, dtype=wp.vec4i, device=storage.device), len(mixed))
     rows = known.voxels.reshape(len(mixed), VOXELS)
-    voxels, slots = storage.voxels.numpy(), storage.slot.numpy()[tuple(mixed.T)]
+    slots, slot = storage.take_slots(len(mixed)), storage.slot.numpy()
+    slot[tuple(mixed.T)] = slots
+    storage.slot.assign(slot)
+    voxels = storage.voxels.numpy()
     voxels[slots] = rows
     storage.voxels.assign(voxels)
 

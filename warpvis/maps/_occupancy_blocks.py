@@ -11,7 +11,6 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import empty
-from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 
 if TYPE_CHECKING:
@@ -35,14 +34,16 @@ class BlockStorage:
 
         self.device = device
         self.cell_size = cell_size
+        self.version = 1
+        """A number that changes when arrays are replaced."""
         self.first = np.zeros(3, dtype=np.int64)
         self.slot = self._full((0, 0, 0), wp.int32, -1)
         self.uniform = self._full((0, 0, 0), wp.int16, int(kernels.NEVER_SEEN))
         self.voxels = self._full((0, kernels.VOXELS), wp.int16, 0)
         self.marks = self._full((0, kernels.VOXELS), wp.uint8, 0)
         self.marked_slots = self._full((0,), wp.uint8, 0)
-        self._free = self._full((0,), wp.int32, 0)
-        self._free_count = 0
+        self.free_slots = self._full((0,), wp.int32, 0)
+        self.free_count = 0
 
     def _full(self, shape: tuple[int, ...], dtype: type, value: int) -> wp.array:
         array = empty(shape, dtype, name="the map", device=self.device)
@@ -64,7 +65,7 @@ class BlockStorage:
     @property
     def used_slots(self) -> int:
         """Number of blocks that are not uniform."""
-        return len(self.voxels) - self._free_count
+        return len(self.voxels) - self.free_count
 
     def struct(self) -> Blocks:
         """Return the blocks as a kernel argument."""
@@ -102,39 +103,26 @@ class BlockStorage:
             slot[x, y, z].assign(self.slot)
             uniform[x, y, z].assign(self.uniform)
         self.first, self.slot, self.uniform = first, slot, uniform
+        self.version += 1
 
-    def fill(self, listed: wp.array, count: int) -> None:
-        """Give slots to those of the listed blocks that have none, `count` blocks."""
-        from warpvis.kernels.maps import occupancy_blocks as kernels
+    def take_slots(self, count: int) -> NDArray[np.int32]:
+        """Return slots that were free."""
+        if self.free_count < count:
+            self.make_room(count)
+        self.free_count -= count
+        slots: NDArray[np.int32] = self.free_slots.numpy()[self.free_count : self.free_count + count]
+        return slots
 
-        if not count:
-            return
-        if self._free_count < count:
-            self._make_room(count)
-        self._free_count -= count
-        free = self._free[self._free_count : self._free_count + count]
-        launch(
-            kernels.fill_blocks, len(listed), [listed, free, self.struct(), self._full((1,), wp.int32, 0)], self.device
-        )
-
-    def _make_room(self, count: int) -> None:
+    def make_room(self, count: int) -> None:
         """Add slots until `count` are free."""
         old = len(self.voxels)
-        slots = max(_MIN_SLOTS, old + old // 2, old - self._free_count + count)
+        slots = max(_MIN_SLOTS, old + old // 2, old - self.free_count + count)
         voxels, marks = (self._full((slots, self.voxels.shape[1]), dtype, 0) for dtype in (wp.int16, wp.uint8))
         if old:
             wp.copy(voxels, self.voxels, count=self.voxels.size)
-        free = np.concatenate([self._free.numpy()[: self._free_count], np.arange(old, slots)])
+        free = np.concatenate([self.free_slots.numpy()[: self.free_count], np.arange(old, slots)])
         self.voxels, self.marks, self.marked_slots = voxels, marks, self._full((slots,), wp.uint8, 0)
-        self._free = self._full((slots,), wp.int32, 0)
-        self._free_count = len(free)
-        wp.copy(self._free, wp.array(free, dtype=wp.int32, device=self.device), count=len(free))
-
-    def release(self, listed: wp.array, summaries: wp.array) -> None:
-        """Take the slots of listed blocks whose voxels all have the same value."""
-        from warpvis.kernels.maps import occupancy_blocks as kernels
-
-        count = self._full((1,), wp.int32, 0)
-        inputs = [listed, summaries, self.struct(), self._free[self._free_count :], count]
-        launch(kernels.release_blocks, len(listed), inputs, self.device)
-        self._free_count += int(count.numpy()[0])
+        self.free_slots = self._full((slots,), wp.int32, 0)
+        self.free_count = len(free)
+        self.version += 1
+        wp.copy(self.free_slots, wp.array(free, dtype=wp.int32, device=self.device), count=len(free))

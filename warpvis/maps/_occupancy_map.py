@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import os
-from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -16,20 +15,29 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.depth_images import read_images
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.lens_camera import LensCamera
-from warpvis.cameras.pinhole import Camera, require_camera
-from warpvis.core.arrays import as_box, as_points, check_length, empty, get_device
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.arrays import as_box, as_points, check_length, get_device
 from warpvis.core.checks import as_path, check_number, is_number
 from warpvis.core.file_content import reading
-from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
-from warpvis.core.threads import launch_images, launch_points
-from warpvis.core.types import ArrayInput, DeviceLike, KernelArguments, PoseLike
-from warpvis.errors import ArrayError, CameraError
+from warpvis.core.poses import (
+    Convention,
+    QuaternionOrder,
+    check_convention,
+    check_up,
+    parse_poses,
+    poses_to_matrices,
+    to_xyzw,
+)
+from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
+from warpvis.errors import ArrayError
 from warpvis.maps._depth_sigma import Sigma
+from warpvis.maps._earlier_views import EarlierViews
 from warpvis.maps._floor_map import FLOOR_AXES, check_floor_bounds, count_cells
 from warpvis.maps._known_blocks import read_blocks, stored_log_odds, write_blocks
 from warpvis.maps._occupancy_blocks import BlockStorage
 from warpvis.maps._occupancy_files import Options, read_map, write_map
 from warpvis.maps._occupancy_grid import OccupancyGrid, project_columns
+from warpvis.maps._occupancy_lookup import dense_states, fade_blocks, look_up, render_surface
 from warpvis.maps._occupancy_mesh import surface_net
 from warpvis.maps._occupancy_views import Integrator
 from warpvis.maps._rectified import rectify
@@ -40,7 +48,6 @@ if TYPE_CHECKING:
     import trimesh
 
     from warpvis.kernels.maps.occupancy_blocks import Blocks
-    from warpvis.kernels.pinhole import Window
 
 # Share of a voxel by which bounds that are multiples of its side may differ from them.
 _ROUNDING = 1e-6
@@ -106,6 +113,7 @@ class OccupancyMap:
             "maximum": maximum,
         }
         self._integrator = Integrator(self._blocks, box, log_odds)
+        self._earlier_views = EarlierViews()
 
     @classmethod
     def load(
@@ -230,12 +238,21 @@ class OccupancyMap:
             convention: Axes of the camera frame of the poses.
             quaternion: Order of the quaternions, ``"xyzw"`` or ``"wxyz"``.
             threads: Number of CPU threads; all cores by default.
+
+        Raises:
+            PoseError: If images contradict each other or the first ones of a map on a CPU, and would not if the poses
+                had another meaning, such as world to camera or other axes.
         """
         reach = check_length(max_range, "max_range", zero=False)
-        images, poses = read_images(depth, camera, camera_to_world, convention, quaternion, self.device)
+        images, poses = read_images(
+            depth, camera, camera_to_world, convention, quaternion, self.device, poses_on_host=True
+        )
+        rows = poses.numpy().reshape(-1, 7)
+        matrices = poses_to_matrices(rows.astype(np.float64))
+        if images.device.is_cpu:
+            self._earlier_views.check(images.numpy(), camera, rows, matrices, check_convention(convention))
         if isinstance(camera, LensCamera):
             images, camera = rectify(images, camera, threads)
-        matrices = poses_to_matrices(poses.numpy().astype(np.float64))
         self._integrator.add(images, camera, matrices, sigma, min(reach, camera.far), threads)
 
     def device_struct(self) -> Blocks:
@@ -248,17 +265,11 @@ class OccupancyMap:
         Args:
             factor: For example ``0.5 ** (elapsed / half_life)``.
         """
-        from warpvis.kernels.maps import occupancy_blocks as kernels
-
-        share = check_number(factor, "factor", minimum=0.0, maximum=1.0)
-        rows = self._blocks.voxels.reshape((1, *self._blocks.voxels.shape))
-        for values in (self._blocks.uniform, rows):
-            inputs = share, values
-            launch_images(kernels.fade, values.shape, partial(_with_window, inputs), device=self.device)
+        fade_blocks(self._blocks, check_number(factor, "factor", minimum=0.0, maximum=1.0))
 
     def states(self, points: ArrayInput, *, threads: int | None = None) -> wp.array:
         """Return the `Voxel` state at points in the world [m], shape ``(N, 3)``, as ``(N,)`` uint8."""
-        return self._look_up(points, wp.uint8, threads)
+        return look_up(self._blocks, as_points(points, "points", "N", self.device), wp.uint8, threads)
 
     def probabilities(self, points: ArrayInput, *, threads: int | None = None) -> wp.array:
         """Return the probability that points in the world [m], shape ``(N, 3)``, are in occupied voxels.
@@ -266,23 +277,7 @@ class OccupancyMap:
         Returns:
             Probabilities, ``(N,)`` float32; NaN in voxels that are UNKNOWN or HIDDEN.
         """
-        return self._look_up(points, wp.float32, threads)
-
-    def _look_up(self, points: ArrayInput, dtype: type, threads: int | None) -> wp.array:
-        from warpvis.kernels.maps import occupancy_blocks as kernels
-
-        places = as_points(points, "points", "N", self.device)
-        result = empty((len(places),), dtype, name="the result", device=self.device)
-        states, probabilities = (result, None) if dtype is wp.uint8 else (None, result)
-        inputs = [self._blocks.struct(), places, states, probabilities]
-        launch_points(
-            kernels.write_states_at,
-            (1, len(places)),
-            partial(_with_window, inputs),
-            device=self.device,
-            threads=threads,
-        )
-        return result
+        return look_up(self._blocks, as_points(points, "points", "N", self.device), wp.float32, threads)
 
     def render_depth(
         self,
@@ -312,7 +307,7 @@ class OccupancyMap:
         """
         rows = to_xyzw(camera_to_world, quaternion, "camera_to_world")
         poses = parse_poses(rows, convention=convention, device=self.device)
-        return render_surface(self, camera, poses, 1, threads)[0]
+        return render_surface(self.device_struct(), camera, poses, 1, threads)[0]
 
     def voxel_map(
         self,
@@ -334,8 +329,6 @@ class OccupancyMap:
         Returns:
             A copy on the map's device.
         """
-        from warpvis.kernels.maps import occupancy_blocks as kernels
-
         box = self.bounds if bounds is None else as_box(bounds, "bounds")
         first = np.floor(box[0] / self.cell_size + _ROUNDING).astype(np.int64)
         size = np.ceil(box[1] / self.cell_size - _ROUNDING).astype(np.int64) - first
@@ -344,11 +337,7 @@ class OccupancyMap:
         ground = check_length(ground_height, "ground_height", signed=True)
         top = (ground + check_length(ground_tolerance, "ground_tolerance")) / self.cell_size - 0.5
         levels = max(0, math.ceil(top) - int(first[up_axis]))
-        states, labels = (empty(tuple(size.tolist()), wp.uint8, name="the map", device=self.device) for _ in range(2))
-        inputs = [self._blocks.struct(), wp.vec3i(*first.tolist()), up_axis, levels, states, labels]
-        launch_images(
-            kernels.write_states, states.shape, partial(_with_window, inputs), device=self.device, threads=threads
-        )
+        states, labels = dense_states(self._blocks, first, size, up_axis, levels, threads)
         x, y, z = (first * self.cell_size).tolist()
         return VoxelMap(states, labels, (x, y, z), self.cell_size, self.up)
 
@@ -412,32 +401,6 @@ class OccupancyMap:
 
         vertices, faces = surface_net(read_blocks(self._blocks), self.cell_size, states_at)
         return trimesh.Trimesh(vertices, faces, process=False)
-
-
-def render_surface(
-    occupancy: OccupancyMap, camera: Camera, poses: wp.array, images: int, threads: int | None
-) -> list[wp.array]:
-    """Return the depth at parsed poses and, if there are 3 images, the depths between which the surface is."""
-    from warpvis.kernels.maps import occupancy_lines
-
-    lens = require_camera(camera, "camera").device_struct()
-    if math.isinf(camera.far):
-        raise CameraError("far of the camera must be finite to render a map, got inf")
-    shape = (len(poses), camera.height, camera.width)
-    depths = [empty(shape, wp.float32, name="depth", device=occupancy.device) for _ in range(images)]
-    inputs = [occupancy.device_struct(), *depths, *[None] * (3 - images)]
-    launch_images(
-        occupancy_lines.render_map,
-        shape,
-        lambda window: [lens, poses, window, *inputs],
-        device=occupancy.device,
-        threads=threads,
-    )
-    return depths
-
-
-def _with_window(inputs: KernelArguments, window: Window) -> KernelArguments:
-    return [window, *inputs]
 
 
 def _log_odds(probability: object, name: str, low: float, high: float) -> float:

@@ -11,6 +11,7 @@
 
 from __future__ import annotations
 
+from warpvis.mujoco._appearances import lights_from_mujoco
 from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._batch_views import BatchViews
 from warpvis.mujoco._cameras import camera_from_mujoco
@@ -32,6 +33,7 @@ __all__ = [
     "camera_from_mujoco",
     "camera_poses",
     "geom_poses",
+    "lights_from_mujoco",
     "read_model",
     "scene_from_mujoco",
 ]

@@ -15,20 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
+from warpvis.errors import SceneError
 from warpvis.mujoco._model_fields import DEFAULT_COLOR, MATERIAL_FIELDS, check_light_numbers, shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
+from warpvis.mujoco._vertex_grids import grid_of
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.lights import Background, Light, LightKind
+from warpvis.scene.lights import Background, Haze, Light, LightKind
 from warpvis.scene.materials import Appearance, Material, Texture, linear_color
 from warpvis.scene.solids import Solid
+from warpvis.scene.vertex_grids import VertexGrid
 
 Color = tuple[float, float, float, float]
-Stored = tuple[NDArray[np.float32], NDArray[np.int32]]
 Normals = Callable[[], NDArray[np.float32]]
 
-_SHININESS = 128.0
+SHININESS = 128.0
 """The exponent of a material whose shininess is 1 (`renderGeom` in render_gl3.c)."""
+
+_SHARP = 0.8
+"""Cosine below which a vertex normal deviates too much from a face's (`mjr_uploadMesh` in render_context.c)."""
 
 _FIRST_ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D) + 1
@@ -51,62 +56,142 @@ _SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 _WORLD_TO_CUBE = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 """Rotation of the sky's cube map (`settexture` in render_gl3.c)."""
 
+_SKY_DISTANCE = 0.7
+"""Distance of the sky from the camera, as a fraction of that of the far clipping plane (`mjr_render`)."""
+
+_OPAQUE = 0.995
+"""Minimum opacity of geoms that are not blended (`mjr_render`)."""
+
 _AMBIENT = (0.3, 0.3, 0.3)
 """Ambient light of a scene without other lights (`initLights` in render_gl3.c)."""
+
+
+class Style(NamedTuple):
+    """Flags of a `mujoco.MjvOption` that change appearances."""
+
+    textured: bool = True
+    """Whether textures are shown (mjVIS_TEXTURE)."""
+    transparent: bool = False
+    """Whether geoms and sites of moving bodies are transparent (mjVIS_TRANSPARENT)."""
 
 
 class GeomAppearances:
     """Appearances of a model's geoms, made on demand; geoms with equal appearances share one object."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Copy the model's materials: later appearances use their current values. Images of textures are read later."""
-        self._model = model
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        textured: bool = True,
+        opacity: NDArray[np.float64] | None = None,
+        earlier: GeomAppearances | None = None,
+    ) -> None:
+        """Copy the model's materials: later appearances use their current values. Images of textures are read later.
+
+        Args:
+            model: A `mujoco.MjModel`.
+            textured: Whether textures are shown.
+            opacity: Factors of the opacity of all geoms and sites; 1 by default.
+            earlier: Appearances of the same model, whose textures are shared.
+        """
+        self._model, self._opacity = model, opacity
         self._materials = SimpleNamespace(**{name: np.array(getattr(model, name)) for name in MATERIAL_FIELDS})
+        if not textured:
+            self._materials.mat_texid[:] = -1
         self._known: dict[tuple[Any, ...], LazyAppearance] = {}
-        self._texture = cache(partial(_texture, model))
-        self._stored = cache(partial(_stored_normals, model))
+        self._texture: Callable[[int], Texture] = cache(partial(texture_of, model))
+        self._stored: Callable[[int], _StoredNormals] = cache(partial(_stored_normals, model))
+        if earlier is not None:
+            self._texture, self._stored = earlier._texture, earlier._stored
 
     def of(self, geom: int, shape: Mesh | Solid) -> LazyAppearance:
         """Return the appearance of a geom or site with its current color, material, size and triangles."""
-        model = self._model
-        rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
+        model, (rgba, material) = self._model, self._color(geom)
         kind, size = int(shape_value(model, "type", geom)), shape_value(model, "size", geom).copy()
         laid: _Laid | None = _Laid(kind, shape_data(model, geom), size, shape)
-        if kind not in _SMOOTH and (material < 0 or _texture_number(self._materials, material) < 0):
+        if kind not in _SMOOTH and (material < 0 or texture_number(self._materials, material) < 0):
             laid = None
-        key = rgba, material, None if laid is None else laid.key()
+        grid = grid_of(model, geom)
+        key = rgba, material, None if laid is None else laid.key(), grid
         if key not in self._known:
-            make = partial(self._make, rgba, material, laid)
+            make = partial(self._make, rgba, material, laid, grid=grid)
             if material < 0:  # an appearance of a single color must not keep the model alive
-                make = partial(_of_one_color, rgba, None if laid is None else self._normals(laid))
+                make = partial(_of_one_color, rgba, None if laid is None else self._normals(laid), grid)
             self._known[key] = LazyAppearance(make)
         return self._known[key]
+
+    def recolored(self, geom: int, found: Appearance) -> Appearance:
+        """Return an earlier appearance of a geom or site with its current color and material, and the same texture."""
+        (rgba, material), old = self._color(geom), found.materials[0]
+        if material < 0:
+            return found.with_material(_material_of_one_color(rgba))
+        mapping = {name: getattr(old, name) for name in ("projection", "texture_uniform", "texture_stretch")}
+        mapping |= self._mirroring(int(shape_value(self._model, "type", geom)), material)
+        return found.with_material(self._material(rgba, material, old.texture, mapping))
+
+    def _color(self, geom: int) -> tuple[Color, int]:
+        """Return the color of a geom or site, and its material; -1 without one."""
+        model = self._model
+        rgba, material = tuple(shape_value(model, "rgba", geom).tolist()), int(shape_value(model, "matid", geom))
+        if material >= 0 and rgba == DEFAULT_COLOR:
+            rgba = tuple(self._materials.mat_rgba[material].tolist())
+        return rgba if self._opacity is None else (*rgba[:3], rgba[3] * float(self._opacity[geom])), material
 
     def _normals(self, laid: _Laid) -> Normals:
         """Return a function that computes a shape's normals without a reference to the model."""
         return partial(_normals_of, laid, self._stored(laid.data) if laid.kind in _MESHES else None)
 
-    def _make(self, rgba: Color, material: int, laid: _Laid | None) -> Appearance:
+    def alternative(self, geom: int, shape: Mesh | Solid, material: int, texture: int) -> Appearance:
+        """Return the appearance of a geom with another material and texture, -1 for none, except its color."""
+        kind, size = int(self._model.geom_type[geom]), self._model.geom_size[geom].copy()
+        laid, grid = _Laid(kind, shape_data(self._model, geom), size, shape), grid_of(self._model, geom)
+        if material < 0:
+            return _of_one_color(DEFAULT_COLOR, self._normals(laid) if kind in _SMOOTH else None, grid)
+        shown = laid if kind in _SMOOTH or texture >= 0 else None
+        return self._make(DEFAULT_COLOR, material, shown, texture, grid=grid)
+
+    def _make(
+        self, rgba: Color, material: int, laid: _Laid | None, number: int | None = None, *, grid: VertexGrid | None
+    ) -> Appearance:
         model, values = self._model, self._materials
-        color = tuple(values.mat_rgba[material].tolist()) if rgba == DEFAULT_COLOR else rgba
-        number = _texture_number(values, material)
+        number = texture_number(values, material) if number is None else number
+        if laid is not None and number >= 0 and not _shows_texture(model, number, laid):
+            number = -1
         repeat, uniform = values.mat_texrepeat[material].astype(np.float64), bool(values.mat_texuniform[material])
         uv = None if laid is None or number < 0 else _coordinates(model, number, repeat, laid, uniform=uniform)
         normals = self._normals(laid)() if laid is not None and laid.kind in _SMOOTH else None
-        result = Material(
-            model.material(material).name,
+        texture = self._texture(number) if number >= 0 else None
+        mapping = self._mirroring(None if laid is None else laid.kind, material)
+        if number >= 0 and uv is None:
+            mapping |= {"projection": "cube", "texture_uniform": uniform}
+            # The renderer scales built-in shapes, whose directions are those of a shape of unit size, but not meshes.
+            if laid is not None and laid.kind in (*_MESHES, _GEOM.mjGEOM_HFIELD):
+                stretch = tuple(laid.size.tolist()) if uniform else (1.0, 1.0, 1.0)
+                mapping |= {"texture_uniform": True, "texture_stretch": stretch}
+        result = self._material(rgba, material, texture, mapping)
+        return Appearance((result,), uv=uv, normals=normals, vertex_grid=grid)
+
+    def _mirroring(self, kind: int | None, material: int) -> dict[str, Any]:
+        """Return the reflectance of a material on a shape; None is a shape that is flat or a height field."""
+        if kind not in (None, _GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_BOX):
+            return {}
+        return {"reflectance": float(np.clip(self._materials.mat_reflectance[material], 0, 1))}
+
+    def _material(self, color: Color, material: int, texture: Texture | None, mapping: dict[str, Any]) -> Material:
+        """Return a material of the model with another color, and a texture that is mapped as given."""
+        values = self._materials
+        return Material(
+            self._model.material(material).name,
             _unit(color),
-            texture=self._texture(number) if number >= 0 else None,
-            alpha_mode=_mode(color[3]),
+            texture=texture,
+            **blending(color[3]),
             metallic=_known_or(values, "mat_metallic", material, 0.0),
             roughness=_known_or(values, "mat_roughness", material, 1.0),
             specular=(float(np.clip(values.mat_specular[material], 0, 1)),) * 3,
-            shininess=_SHININESS * max(0.0, float(values.mat_shininess[material])),
+            shininess=SHININESS * max(0.0, float(values.mat_shininess[material])),
             emission=tuple(max(0.0, float(values.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
-            projection="cube" if number >= 0 and uv is None else "uv",
-            texture_uniform=uv is None and uniform,
+            **mapping,
         )
-        return Appearance((result,), uv=uv, normals=normals)
 
 
 class _Laid(NamedTuple):
@@ -124,20 +209,32 @@ class _Laid(NamedTuple):
         return (self.shape.vertices, self.shape.faces) if isinstance(self.shape, Solid) else self.shape
 
 
-def _normals_of(laid: _Laid, stored: Stored | None) -> NDArray[np.float32]:
+class _StoredNormals(NamedTuple):
+    """The normals of a mesh."""
+
+    rows: NDArray[np.float32]
+    corner_rows: NDArray[np.int32]
+    """Their rows at the corners of the faces, ``(m, 3)``."""
+    as_stored: bool
+    """Whether MuJoCo uses them regardless of the angle to the face."""
+
+
+def _normals_of(laid: _Laid, stored: _StoredNormals | None) -> NDArray[np.float32]:
     vertices, faces = laid.triangles()
     corners = vertices[faces].astype(np.float64)
     return _round_normals(laid.kind, laid.size, corners) if stored is None else _corner_normals(stored, corners)
 
 
-def _of_one_color(rgba: Color, normals: Normals | None) -> Appearance:
-    """Make the appearance of a geom without a material; its highlight is MuJoCo's.
+def _of_one_color(rgba: Color, normals: Normals | None, grid: VertexGrid | None) -> Appearance:
+    """Make the appearance of a geom without a material."""
+    material = _material_of_one_color(rgba)
+    return Appearance((material,), normals=None if normals is None else normals(), vertex_grid=grid)
 
-    See `mjv_initGeom` in engine_vis_visualize.c.
-    """
-    shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * _SHININESS}
-    material = Material(base_color=_unit(rgba), alpha_mode=_mode(rgba[3]), **shine)  # type: ignore[arg-type]
-    return Appearance((material,), normals=None if normals is None else normals())
+
+def _material_of_one_color(rgba: Color) -> Material:
+    """Return the material of a geom without one, with MuJoCo's highlight (`mjv_initGeom`)."""
+    shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * SHININESS}
+    return Material(base_color=_unit(rgba), **blending(rgba[3]), **shine)  # type: ignore[arg-type]
 
 
 def _unit(color: Color) -> Color:
@@ -145,8 +242,10 @@ def _unit(color: Color) -> Color:
     return tuple(np.clip(color, 0.0, 1.0).tolist())
 
 
-def _mode(alpha: float) -> Any:
-    return "blend" if alpha < 1 else "opaque"
+def blending(alpha: float) -> dict[str, Any]:
+    """Return how a color is blended: twice, since `mjr_render` draws transparent geoms twice, without back faces."""
+    mode = "blend" if alpha < _OPAQUE else "opaque"
+    return {"alpha_mode": mode, "blends_twice": True, "double_sided": False}
 
 
 def _known_or(values: SimpleNamespace, name: str, material: int, otherwise: float) -> float:
@@ -155,13 +254,17 @@ def _known_or(values: SimpleNamespace, name: str, material: int, otherwise: floa
     return min(value, 1.0) if value >= 0 else otherwise
 
 
-def _texture_number(values: SimpleNamespace, material: int) -> int:
+def texture_number(values: SimpleNamespace | mujoco.MjModel, material: int) -> int:
     """Return the texture that colors a material; -1 if it has none."""
-    roles = np.atleast_1d(values.mat_texid[material])
-    return int(roles[_FIRST_ROLE if len(roles) > _FIRST_ROLE else 0])
+    return int(texture_numbers(np.atleast_1d(values.mat_texid[material])))
 
 
-def _texture(model: mujoco.MjModel, number: int) -> Texture:
+def texture_numbers(texid: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the textures that color materials, given their rows of `mat_texid`; -1 for those that have none."""
+    return texid[..., _FIRST_ROLE if texid.shape[-1] > _FIRST_ROLE else 0]
+
+
+def texture_of(model: mujoco.MjModel, number: int) -> Texture:
     """Copy a texture's image as MuJoCo's renderer shows it; a cube map is six images, one below the other.
 
     Images in the sRGB color space are decoded unless they are cube maps, and the picture is not encoded again
@@ -171,7 +274,18 @@ def _texture(model: mujoco.MjModel, number: int) -> Texture:
     if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
         decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
         image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
-    return Texture(image[:, :, :4], model.texture(number).name)
+    wrap: Any = {"wrap_u": "clamp", "wrap_v": "clamp"} if int(model.tex_type[number]) >= _CUBE else {}
+    return Texture(image[:, :, :4], model.texture(number).name, **wrap)
+
+
+def _shows_texture(model: mujoco.MjModel, number: int, laid: _Laid) -> bool:
+    """Return whether MuJoCo shows a texture on a shape.
+
+    It uses the texture coordinates of a mesh as those of a 2D texture: OpenGL refuses cube maps (`settexture` in
+    render_gl3.c).
+    """
+    is_cube = int(model.tex_type[number]) >= _CUBE
+    return not (is_cube and laid.kind in _MESHES and _stored_coordinates(model, laid.data) is not None)
 
 
 def _image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
@@ -211,22 +325,27 @@ def _stored_coordinates(model: mujoco.MjModel, mesh: int) -> NDArray[np.float32]
     return model.mesh_texcoord[first : first + count][corners]
 
 
-def _stored_normals(model: mujoco.MjModel, mesh: int) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Copy a mesh's normals, shape ``(n, 3)``, and their indices at the corners of its faces, ``(m, 3)``."""
+def _stored_normals(model: mujoco.MjModel, mesh: int) -> _StoredNormals:
+    """Copy a mesh's normals."""
     first, start = int(model.mesh_normaladr[mesh]), int(model.mesh_faceadr[mesh])
     rows = model.mesh_normal[first : first + int(model.mesh_normalnum[mesh])]
-    return rows.copy(), model.mesh_facenormal[start : start + int(model.mesh_facenum[mesh])].copy()
+    index = model.mesh_facenormal[start : start + int(model.mesh_facenum[mesh])]
+    return _StoredNormals(rows.copy(), index.copy(), int(model.mesh_texcoordadr[mesh]) >= 0)
 
 
-def _corner_normals(stored: Stored, corners: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return normals of the corners of a mesh's faces, shape ``(m, 3, 3)``; the face normal where one is 0."""
-    rows, index = stored
-    normals = rows[index].astype(np.float64)
-    none = ~(np.linalg.norm(normals, axis=-1) > 0)
+def _corner_normals(stored: _StoredNormals, corners: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return normals of the corners of a mesh's faces, shape ``(m, 3, 3)``, as MuJoCo's renderer chooses them.
+
+    On meshes without texture coordinates, corners have the normal of the face where it deviates more than about 37
+    degrees from the vertex normal: sharp edges stay sharp.
+    """
+    normals = stored.rows[stored.corner_rows].astype(np.float64)
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat[~(np.linalg.norm(flat, axis=-1) > 0)] = 0, 0, 1  # faces without an area, which are not visible
-    normals[none] = np.repeat(flat[:, None], 3, axis=1)[none]
-    return normals.astype(np.float32)
+    length = np.linalg.norm(flat, axis=-1, keepdims=True)
+    flat = np.where(length > 0, flat / np.where(length > 0, length, 1), (0, 0, 1))[:, None]
+    cosine = (normals * flat).sum(axis=-1, keepdims=True)
+    is_unused = ~(np.linalg.norm(normals, axis=-1, keepdims=True) > 0) if stored.as_stored else ~(cosine >= _SHARP)
+    return np.where(is_unused, flat, normals).astype(np.float32)
 
 
 def _round_normals(kind: int, size: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -243,24 +362,74 @@ def _round_normals(kind: int, size: NDArray[np.float64], corners: NDArray[np.flo
     return corners.astype(np.float32)
 
 
-def model_lights(model: mujoco.MjModel) -> tuple[Light, ...]:
-    """Return a model's active lights at its initial state; the headlight comes first.
+class LightPlaces(NamedTuple):
+    """Positions and directions of a model's lights in the world."""
 
-    Image lights are omitted. MuJoCo's renderer does not draw point lights, either.
+    light_xpos: NDArray[np.float64]
+    light_xdir: NDArray[np.float64]
+
+
+def model_lights(
+    model: mujoco.MjModel, places: LightPlaces | None = None, *, inactive: bool = False
+) -> tuple[Light, ...]:
+    """Return a model's active lights at their places, by default at its initial state; the headlight comes first.
+
+    Image lights are omitted. MuJoCo's renderer does not draw point lights, either. With `inactive`, inactive lights are
+    among them, with an intensity of 0.
     """
-    active = [number for number in range(model.nlight) if model.light_active[number]]
-    check_light_numbers(model, active)
+    numbers = [number for number in light_ids(model, inactive=inactive) if number >= 0]
+    check_light_numbers(model, numbers)
     found = [_headlight(model)] if model.vis.headlight.active else []
-    if active:
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_camlight(model, data)
-        kinds = [(number, _KINDS.get(int(model.light_type[number]))) for number in active]
-        found += [_light(model, data, number, kind) for number, kind in kinds if kind is not None]
-    if not any(light.kind != "point" for light in found):
-        found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT))
+    if numbers:
+        places = _initial_places(model) if places is None else places
+        found += [_light(model, places, number, _KINDS[int(model.light_type[number])]) for number in numbers]
+    is_lit = any(light.kind != "point" and light.intensity for light in found)
+    if not is_lit or (inactive and not model.vis.headlight.active):
+        found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT, intensity=0.0 if is_lit else 1.0))
     return tuple(found)
+
+
+def light_ids(model: mujoco.MjModel, *, inactive: bool = False) -> list[int]:
+    """Return the ids of the lights of `model_lights`, which are preceded by -1 if there is a headlight."""
+    numbers = [
+        number
+        for number in range(model.nlight)
+        if int(model.light_type[number]) in _KINDS and (inactive or model.light_active[number])
+    ]
+    return [-1] * bool(model.vis.headlight.active) + numbers
+
+
+def lights_from_mujoco(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Light, ...]:
+    """Return the lights of a model where they are now, for `Scene.lights`: lights may move with bodies.
+
+    Args:
+        model: A `mujoco.MjModel`.
+        data: Its data after `mj_forward` or `mj_camlight`.
+
+    Returns:
+        The headlight, if it is active, and the active lights; ambient light if there are none.
+
+    Raises:
+        SceneError: If an argument has another type, or a number of a light is not finite.
+    """
+    if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
+        raise SceneError(
+            f"model and data must be a mujoco.MjModel and its MjData, got {type(model).__name__} and "
+            f"{type(data).__name__}"
+        )
+    if len(data.light_xpos) != model.nlight:
+        raise SceneError(f"data must be of the model, which has {model.nlight} lights, got {len(data.light_xpos)}")
+    if not np.isfinite(data.light_xpos).all() or not np.isfinite(data.light_xdir).all():
+        raise SceneError("light_xpos and light_xdir of data must be finite")
+    return model_lights(model, LightPlaces(data.light_xpos, data.light_xdir))
+
+
+def _initial_places(model: mujoco.MjModel) -> LightPlaces:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_camlight(model, data)
+    return LightPlaces(data.light_xpos, data.light_xdir)
 
 
 def model_background(model: mujoco.MjModel) -> Background:
@@ -270,8 +439,24 @@ def model_background(model: mujoco.MjModel) -> Background:
         return Background()
     width = int(model.tex_width[number])
     images = _image(model, number).reshape(6, width, width, -1)
-    name = model.texture(number).name
-    return Background(sky=tuple(Texture(image, name) for image in images), world_to_cube=_WORLD_TO_CUBE)
+    sky = tuple(Texture(image, model.texture(number).name) for image in images)
+    return Background(sky=sky, world_to_cube=_WORLD_TO_CUBE, haze=_haze(model))
+
+
+def _haze(model: mujoco.MjModel) -> Haze | None:
+    """Return the haze at the first infinite plane that MuJoCo draws by default; None without one (`mjr_render`)."""
+    infinite = (model.geom_type == _GEOM.mjGEOM_PLANE) & ~model.geom_size[:, :2].any(axis=1)
+    planes = np.flatnonzero(infinite & (model.geom_group < 3))
+    radius = _SKY_DISTANCE * model.vis.map.zfar * model.stat.extent
+    width = float(model.vis.map.haze)
+    if not len(planes) or not 0 < radius < FARTHEST or not 0 <= width <= 1:
+        return None
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    normal = data.geom_xmat[planes[0]].reshape(3, 3)[:, 2]
+    position = np.clip(data.geom_xpos[planes[0]], -FARTHEST, FARTHEST)
+    color = _unit((*model.vis.rgba.haze[:3].tolist(), 1.0))[:3]
+    return Haze(color, radius=radius, width=width, position=tuple(position.tolist()), normal=tuple(normal.tolist()))
 
 
 def _headlight(model: mujoco.MjModel) -> Light:
@@ -286,7 +471,7 @@ def _headlight(model: mujoco.MjModel) -> Light:
     )
 
 
-def _light(model: mujoco.MjModel, data: mujoco.MjData, number: int, kind: LightKind) -> Light:
+def _light(model: mujoco.MjModel, data: LightPlaces, number: int, kind: LightKind) -> Light:
     """Return one light; only spotlights have an attenuation and a cone (`initLights` in render_gl3.c)."""
     spot = kind == "spot"
     attenuation = np.maximum(model.light_attenuation[number], 0)
@@ -302,7 +487,9 @@ def _light(model: mujoco.MjModel, data: mujoco.MjData, number: int, kind: LightK
         attenuation=tuple(attenuation.tolist()) if spot and attenuation.any() else (1.0, 0.0, 0.0),
         outer_angle=min(max(math.radians(float(model.light_cutoff[number])), 0.0), math.pi) if spot else math.pi,
         exponent=max(0.0, float(model.light_exponent[number])) if spot else 0.0,
+        intensity=float(bool(model.light_active[number])),
         cast_shadow=bool(model.light_castshadow[number]),
+        shadow_plane=kind == "directional",
     )
 
 

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import check_choice, check_whole
+from warpvis.core.checks import check_choice, check_flag, check_whole
 from warpvis.core.labels import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
+from warpvis.mujoco._batch_elements import SoftElements, Tendons
 from warpvis.mujoco._batch_views import (
     BatchViews,
     CameraChoice,
@@ -26,19 +27,22 @@ from warpvis.mujoco._batch_views import (
     batch_views,
     choose_cameras,
     look_up_objects,
+    look_up_pairs,
     views_by_intrinsics,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
-from warpvis.mujoco._model_fields import AppearanceWatch, shape_bodies
+from warpvis.mujoco._model_fields import UNKNOWN, element_meanings, shape_bodies
 from warpvis.mujoco._poses import PoseSource, check_computed, read_source, world_count
-from warpvis.mujoco._scene import Movable, class_of_geoms, make_scene, select_geoms, shown_by, warn_of_soft
+from warpvis.mujoco._scene import Movable, class_of_elements, make_scene, select_geoms, shown_by
+from warpvis.mujoco._world_appearances import ModelAppearances
 from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
 from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
 from warpvis.rendering import (
     DepthSensor,
     Fill,
+    Lighting,
     NearPlane,
     Output,
     Pool,
@@ -48,6 +52,7 @@ from warpvis.rendering import (
     views_for,
 )
 from warpvis.scene import Scene
+from warpvis.scene.world_appearances import WorldAppearances
 
 # Largest number of cached choices of cameras and worlds, and of cached intrinsics.
 _MAX_PLACES = 16
@@ -75,6 +80,7 @@ class BatchRenderer:
         width: int = 320,
         outputs: Sequence[Output] = ("depth",),
         geom_groups: Iterable[int] | None = None,
+        site_groups: Iterable[int] | None = None,
         scene_option: mujoco.MjvOption | None = None,
         mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
         labels: LabelInput | None = None,
@@ -85,6 +91,10 @@ class BatchRenderer:
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
         fill: Fill = "inf",
+        shadows: bool = True,
+        reflections: bool = True,
+        lighting: Lighting = "pixel",
+        samples: int = 1,
         sensor: DepthSensor | None = None,
         seed: int = 0,
         device: DeviceLike = "cpu",
@@ -100,14 +110,14 @@ class BatchRenderer:
             outputs: The images to make, as for `warpvis.Renderer`; ids need ``"segmentation"``. Colors are those of the
                 model at construction.
             geom_groups: Groups of geoms to show, by default those of `scene_option`; see `scene_from_mujoco`.
-            scene_option: A `mujoco.MjvOption`: its groups of geoms and sites, and whether static geoms are shown.
-                Without it no sites are shown: they are markers, which no sensor sees. Tendons, skins and flexes of the
-                model that it shows are not rendered; a warning names them.
+            site_groups: Groups of sites to show, by default those of `scene_option`. Without it no sites are shown:
+                they are markers, which no sensor sees.
+            scene_option: A `mujoco.MjvOption`: its groups of geoms, sites, tendons, skins and flexes, its flags for
+                static geoms, tendons, skins and flexes, and `flex_layer`. Without it, MuJoCo's default applies.
             mesh_tolerance: Largest distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels by name or pattern; see `scene_from_mujoco`.
             label_names: Names of user-defined classes, as for `warpvis.Scene`.
-            exclude: Names or patterns of geoms, sites or bodies not to render, and of tendons, skins and flexes for
-                which no warning is issued.
+            exclude: Names or patterns of geoms, sites, tendons, skins, flexes or bodies not to render.
             movable: Static bodies and geoms whose poses in some worlds differ from the model's, by name or pattern, or
                 ``"all"``; see `scene_from_mujoco`.
             resizable: Geoms whose sizes in some worlds differ from the model's, by name or pattern of geoms or
@@ -115,6 +125,11 @@ class BatchRenderer:
             cull_backfaces: Ignore surfaces seen from behind, as MuJoCo does.
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
+            shadows: Whether lights with shadows cast them in ``"color"``, as for `warpvis.Renderer`.
+            reflections: Whether the first plane or box with a reflectance shows a mirror image in ``"color"``, as in
+                MuJoCo.
+            lighting: Where light is computed in ``"color"``, as for `warpvis.Renderer`: ``"vertex"`` as by MuJoCo.
+            samples: Rays through pixels at edges in ``"color"``, as for `warpvis.Renderer`; 1 in CUDA graphs.
             sensor: A depth-camera model, as for `warpvis.Renderer`, applied to all cameras. The near planes of the
                 cameras are the model's, `vis.map.znear`; surfaces nearer than the device's minimum depth are too near.
             seed: Seed of the sensor's random numbers, which also depend on world, camera and frame.
@@ -126,17 +141,20 @@ class BatchRenderer:
         check_size(height, "height")
         groups, static, sites = shown_by(scene_option)
         sites = () if scene_option is None else sites
-        if geom_groups is not None:
-            if scene_option is not None:
-                raise SceneError("geom_groups must not be given with scene_option, which has groups of geoms")
-            groups = check_groups(geom_groups)
+        for kind, given in (("geom", geom_groups), ("site", site_groups)):
+            if given is not None and scene_option is not None:
+                raise SceneError(f"{kind}_groups must not be given with scene_option, which has groups of {kind}s")
+        groups = groups if geom_groups is None else check_groups(geom_groups)
+        sites = sites if site_groups is None else check_groups(site_groups, "site_groups")
         self.model = model
         options: dict[str, Any] = {"mesh_tolerance": mesh_tolerance, "labels": labels, "label_names": label_names}
         options |= {"geom_groups": groups, "site_groups": sites, "exclude": exclude, "static": static}
         selection = select_geoms(model, **options)
-        warn_of_soft(model, selection, scene_option)
         resized = resizable_geoms(model, selection, resizable)
         self.mujoco_scene = make_scene(model, selection, movable=movable, device=device, independent=resized)
+        self._tendons = Tendons(model, selection, scene_option, self.scene)
+        colored = not {"color", "albedo"}.isdisjoint(check_output_names(outputs, sensor))
+        self._soft = SoftElements(model, selection, scene_option, self.scene, colored=colored)
         if not len(self.scene):
             raise SceneError(f"the model has no geoms to render in groups {groups}; see geom_groups=")
         self.nworld, self.height, self.width = nworld, height, width
@@ -144,10 +162,17 @@ class BatchRenderer:
         self._outputs, self._sensor = check_output_names(outputs, sensor), sensor
         self.frame = 0
         """The frame of a sensor's random numbers in the next call of `render` without `frame`."""
+        check_choice(lighting, "lighting", get_args(Lighting))
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
         self._render_options |= {"near_plane": near_plane, "cull_backfaces": cull_backfaces, "threads": threads}
-        self._appearance = None if {"color", "albedo"}.isdisjoint(self._outputs) else AppearanceWatch(model)
+        self._render_options["shadows"] = check_flag(shadows, "shadows")
+        self._render_options["reflections"] = check_flag(reflections, "reflections")
+        self._render_options["samples"], self._render_options["lighting"] = samples, lighting
+        self._appearance: ModelAppearances | None = None
+        if colored:
+            moved = not isinstance(movable, str) or movable != "bodies"
+            self._appearance = ModelAppearances(model, self.mujoco_scene, selection.mesh_tolerance, moved=moved)
         self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()
@@ -167,6 +192,7 @@ class BatchRenderer:
         cameras: CameraChoice | Sequence[CameraChoice] | None = None,
         worlds: ArrayLike | None = None,
         model: object | None = None,
+        appearances: WorldAppearances | None = None,
         frame: int | ArrayInput | None = None,
         view_index: ArrayInput | None = None,
         out: Views | None = None,
@@ -174,15 +200,16 @@ class BatchRenderer:
         """Render some cameras in some worlds.
 
         On CUDA the work is queued on the device's current stream without waiting for it; arrays on the GPU are not
-        copied to the host, except `cam_fovy`. With `out`, a call with the same arguments as an earlier one and without
-        `model` allocates nothing and can be recorded into a CUDA graph.
+        copied to the host, except `cam_fovy` and the poses that skins and flexes need. With `out`, a call with the same
+        arguments as an earlier one and without `model` allocates nothing and can be recorded into a CUDA graph.
 
         Args:
             poses: Poses of all objects: anything with the arrays `geom_xpos`, `geom_xmat`, `cam_xpos` and `cam_xmat` of
-                W worlds (MuJoCo Warp's data, MJX's, `mujoco.batch.Batch`, `WorldPoses`); a `mujoco.MjData`, or several;
-                or joint positions, shape ``(W, nq)``, or ``(nq,)`` for one world. `kinematics.from_states` computes
-                poses from states. Static geoms must be where the model places them, or be `movable`: this is checked
-                for arrays in host memory.
+                W worlds (MuJoCo Warp's data, MJX's, `mujoco.batch.Batch`, `WorldPoses`), and the fields of `WorldPoses`
+                for the model's tendons, skins, flexes and sites; a `mujoco.MjData`, or several; or joint positions,
+                shape ``(W, nq)``, or ``(nq,)`` for one world. `kinematics.from_states` computes poses from states.
+                Static geoms must be where the model places them, or be `movable`: this is checked for arrays in host
+                memory.
             cameras: Names or ids of the model's cameras, -1 for the default free camera, or `mujoco.MjvCamera` that are
                 fixed, free, or track a body (the poses must then have `subtree_com`); all of the model's cameras by
                 default.
@@ -190,14 +217,17 @@ class BatchRenderer:
                 nothing.
             model: Model fields that differ between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
                 shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` control visibility: geoms
-                that the model itself hides are not in the scene. The outputs `color` and `albedo` show the model's
-                colors; with them, visible geoms must have these colors in every world. `cam_fovy` needs one ray-casting
-                call per field of view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a
-                single one.
-                `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos` and `cam_quat` are used if `poses` are joint
-                positions; other poses already include them. `geom_size` applies to `resizable` geoms: for arrays in
-                host memory, the sizes of the others are checked to equal the model's. Meshes and height fields cannot
-                differ.
+                that the model itself hides are not in the scene. The outputs `color` and `albedo` show these colors and
+                materials, `mat_emission`, the textures of `mat_texid`, and the lights of `light_active`,
+                `light_diffuse`, `light_ambient`, `light_specular` and `light_attenuation`; for them, `geom_matid` and
+                `mat_texid` of several worlds must be in host memory. `cam_fovy` needs one ray-casting call per field of
+                view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a single one.
+                `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos`, `cam_quat`, `light_pos` and `light_dir` are
+                used if `poses` are joint positions; other poses already include them. `geom_size` applies to
+                `resizable` geoms: for arrays in host memory, the sizes of the others are checked to equal the model's.
+                Meshes and height fields cannot differ.
+            appearances: Colors, lights and backgrounds of the worlds that are rendered, in this order, for the outputs
+                `color` and `albedo`, as for `Renderer.render`; they replace those of the model.
             frame: The frame number of a sensor's random numbers, at least 0, one or one for each view, in the order of
                 the images. The default is `BatchRenderer.frame`, which starts at 0 and is incremented by each such
                 call. The image of a camera in a world does not depend on which other worlds are rendered. A CUDA graph
@@ -213,14 +243,9 @@ class BatchRenderer:
         Raises:
             CameraError: If a camera does not exist.
             ArrayError: If poses, worlds, `model` or `out` do not fit, or the poses of a world were never computed.
-            SceneError: If colors are among the outputs, and colors, materials or lights of the model have changed.
         """
-        changed = [] if self._appearance is None else self._appearance.changed()
-        if changed:
-            raise SceneError(
-                f"{changed[0]} of the model must not change after the BatchRenderer was created, whose colors do not "
-                "follow it; create another BatchRenderer after the change"
-            )
+        if self._appearance is not None:
+            self._appearance.follow()
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
         kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
         kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
@@ -232,13 +257,21 @@ class BatchRenderer:
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
+        if models is None and self._appearance is not None and self._appearance.colors_changed:
+            models = WorldModels(self.model, {}, int(rows.max()) + 1)
         fovy = self._place(place, poses, models, rows)
+        place.looks = None
+        if self._appearance is not None:
+            place.looks = self._appearance.of_worlds(appearances, poses, models, (indices, rows))
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
         shape = (len(chosen) * count, self.height, self.width)
         views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
         drawn = self._number(rows, len(chosen), frame, view_index)
-        for camera, members in groups.items():
-            self._cast(camera, place, members, drawn, views)
+        if len(self._soft):
+            self._cast_soft(poses, indices, place, groups, drawn, views)
+        else:
+            for camera, members in groups.items():
+                self._cast(camera, place, members, drawn, views)
         self._free_workplaces.give_back(key, place)
         return views
 
@@ -267,16 +300,30 @@ class BatchRenderer:
         """Write poses of objects and cameras, and visibility; return the fields of view if they are given."""
         place.write_poses(poses, self.mujoco_scene, self.model)
         place.hidden = place.sizes = None
-        if models is None:
-            return None
-        place.sizes = self._resizable.sizes(models, rows)
-        place.hidden = models.hidden_objects(self.mujoco_scene, rows, place.eyes.size)
-        if self._appearance is not None:
-            models.check_own_colors(self.mujoco_scene.geom_ids)
-        return models.fovy()
+        if models is not None:
+            place.sizes = self._resizable.sizes(models, rows)
+            changed = self._appearance is not None and self._appearance.colors_changed
+            place.hidden = models.hidden_objects(self.mujoco_scene, rows, place.eyes.size, changed=changed)
+        if len(self._tendons):
+            self._tendons.place(poses, place)
+        return None if models is None else models.fovy()
+
+    def element_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
+        """Return the id and type of the element of every pixel, as `mujoco.Renderer` does in segmentation.
+
+        Args:
+            views: The result of `render`, with `segmentation`.
+            out: An array to write into, of the same shape.
+
+        Returns:
+            Pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_TENDON, ...), shape ``(views, height,
+            width, 2)`` int32; -1 and mjOBJ_UNKNOWN for objects that were added to the scene, -1 and -1 for no object.
+        """
+        pairs = np.array([(-1, UNKNOWN), *element_meanings(self.model)], dtype=np.int32)
+        return look_up_pairs(views, pairs[self._numbers_of_objects() + 1], out)
 
     def geom_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
-        """Return the geom of every pixel; -1 for empty pixels, sites, and objects that were added to the scene.
+        """Return the geom of every pixel; -1 for empty pixels, other elements, and objects added to the scene.
 
         Args:
             views: The result of `render`, with `segmentation`.
@@ -285,7 +332,7 @@ class BatchRenderer:
         Returns:
             Ids of the model's geoms, shape ``(views, height, width)`` int32.
         """
-        return self._look_up(views, np.r_[np.arange(self.model.ngeom), np.full(self.model.nsite, -1)], out)
+        return self._look_up(views, np.arange(self.model.ngeom), out)
 
     def body_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
         """Return the body of every pixel; see `geom_ids`."""
@@ -296,20 +343,27 @@ class BatchRenderer:
 
         Args:
             views: The result of `render`, with `segmentation`.
-            classes: Class numbers by name or pattern of geoms, sites or bodies, as for `labels`; the last match counts.
+            classes: Class numbers by name or pattern of geoms, sites, tendons, skins, flexes or bodies, as for
+                `labels`; the last match counts.
             out: An array to write into, of the same shape.
 
         Returns:
             Class numbers, shape ``(views, height, width)`` int32; -1 for empty pixels and where no pattern matches.
         """
-        return self._look_up(views, class_of_geoms(self.model, classes), out)
+        return self._look_up(views, class_of_elements(self.model, classes), out)
 
-    def _look_up(self, views: Views, of_shapes: NDArray[np.integer], out: wp.array | None) -> wp.array:
-        """Make images of a number that is given for every geom and site."""
-        shapes = self.mujoco_scene.shapes()
-        numbers = np.full(len(self.scene), -1, dtype=np.int32)
-        numbers[: len(shapes)] = of_shapes[shapes]
+    def _look_up(self, views: Views, of_elements: NDArray[np.integer], out: wp.array | None) -> wp.array:
+        """Make images of a number that is given for the first or all elements, in the order of `object_names`."""
+        objects = self._numbers_of_objects()
+        is_known = (objects >= 0) & (objects < len(of_elements))
+        numbers = np.where(is_known, of_elements[np.where(is_known, objects, 0)], -1).astype(np.int32)
         return look_up_objects(views, numbers, out)
+
+    def _numbers_of_objects(self) -> NDArray[np.int32]:
+        """List the number in `object_names` of every object's element; -1 for objects added to the scene."""
+        shapes = self.mujoco_scene.shapes().tolist()
+        known = [*shapes, *self._tendons.numbers, *self._soft.numbers()]
+        return np.array(known + [-1] * (len(self.scene) - len(known)), dtype=np.int32)
 
     def camera(self, camera: CameraChoice) -> PlanarCamera:
         """Return intrinsics of a camera in this renderer's image size."""
@@ -340,6 +394,8 @@ class BatchRenderer:
         options: dict[str, Any] = {}
         if drawn is not None:
             options["view_index"], options["frame"] = drawn[views].T
+        if place.looks is not None:
+            options |= {"looks": place.looks, "world_index": select(place.world_of_view)}
         if place.objects.size:
             options |= {"object_poses": place.objects, "world_index": select(place.world_of_view)}
             options["object_sizes"] = place.sizes
@@ -353,6 +409,24 @@ class BatchRenderer:
         part = renderer.render_sizes(select(eyes), **options)
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
+
+    def _cast_soft(
+        self,
+        poses: PoseSource,
+        worlds: NDArray[np.int32],
+        place: Workplace,
+        groups: Mapping[PlanarCamera, NDArray[np.int64]],
+        drawn: NDArray[np.int64] | None,
+        out: Views,
+    ) -> None:
+        """Render the worlds one by one, each with the vertices of its skins and flexes."""
+        with self._soft.reading(poses) as soft:
+            for row, world in enumerate(worlds.tolist()):
+                soft.show(world)
+                for camera, members in groups.items():
+                    views = members[members % len(worlds) == row]
+                    if len(views):
+                        self._cast(camera, place, views, drawn, out)
 
     def _read_worlds(
         self,

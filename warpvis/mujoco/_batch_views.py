@@ -29,6 +29,7 @@ from warpvis.mujoco._poses import (
 )
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.rendering import Views
+from warpvis.scene.world_appearances import DeviceAppearances
 
 
 @dataclass
@@ -66,15 +67,32 @@ def look_up_objects(views: Views, numbers: NDArray[np.int32], out: wp.array | No
     """Return the number of every pixel's object, given for all objects; -1 for empty pixels."""
     from warpvis.kernels.mujoco.arrays import geoms_of_objects
 
+    segmentation = _segmentation(views)
+    device = segmentation.device
+    out = take_out(out, wp.int32, segmentation.shape, device=device)
+    inputs = [segmentation.flatten(), wp.array(numbers, dtype=wp.int32, device=device), out.flatten()]
+    launch(geoms_of_objects, out.size, inputs, device)
+    return out
+
+
+def look_up_pairs(views: Views, pairs: NDArray[np.int32], out: wp.array | None) -> wp.array:
+    """Return a pair of numbers of every pixel's object, given for all objects; -1 and -1 for empty pixels."""
+    from warpvis.kernels.mujoco.arrays import pairs_of_objects
+
+    segmentation = _segmentation(views)
+    device = segmentation.device
+    out = take_out(out, wp.int32, (*segmentation.shape, 2), device=device)
+    inputs = [segmentation.flatten(), wp.array(pairs, dtype=wp.vec2i, device=device), out.reshape((-1, 2))]
+    launch(pairs_of_objects, segmentation.size, inputs, device)
+    return out
+
+
+def _segmentation(views: Views) -> wp.array:
     if not isinstance(views, Views) or views.segmentation is None:
         raise ArrayError(
             'views must have segmentation, got none; create the BatchRenderer with outputs=("segmentation", ...)'
         )
-    shape, device = views.segmentation.shape, views.segmentation.device
-    out = take_out(out, wp.int32, shape, device=device)
-    inputs = [views.segmentation.flatten(), wp.array(numbers, dtype=wp.int32, device=device), out.flatten()]
-    launch(geoms_of_objects, out.size, inputs, device)
-    return out
+    return views.segmentation
 
 
 def _images(views: Views) -> list[tuple[str, wp.array]]:
@@ -164,6 +182,11 @@ class Workplace:
     """Objects that are hidden in each view, ``(views, objects)`` uint8, if that differs between worlds."""
     sizes: wp.array | None = None
     """Sizes of all movable objects in every world, ``(worlds, M)`` vec4, if they differ from the scene."""
+    looks: DeviceAppearances | None = None
+    """Appearances of the worlds, if they differ from the scene."""
+    own_sizes: wp.array | None = None
+    own_hidden: wp.array | None = None
+    """Memory for `sizes` and `hidden` if only tendons change them."""
 
     @classmethod
     def of(cls, mujoco_scene: MujocoScene, cameras: Sequence[BatchCamera], worlds: NDArray[np.int32]) -> Workplace:

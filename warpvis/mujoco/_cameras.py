@@ -28,7 +28,12 @@ _FREE = int(mujoco.mjtCamera.mjCAMERA_FREE)
 _TRACKING = int(mujoco.mjtCamera.mjCAMERA_TRACKING)
 _FIXED = int(mujoco.mjtCamera.mjCAMERA_FIXED)
 _CULL_FACE = int(mujoco.mjtRndFlag.mjRND_CULL_FACE)
-_WIREFRAME = int(mujoco.mjtRndFlag.mjRND_WIREFRAME)
+_REFLECTION = int(mujoco.mjtRndFlag.mjRND_REFLECTION)
+_IGNORED = {
+    f"mjRND_{name}": int(getattr(mujoco.mjtRndFlag, f"mjRND_{name}"))
+    for name in ("WIREFRAME", "ADDITIVE", "FOG", "SEGMENT", "IDCOLOR")
+}
+"""Flags that are off by default, and have no effect on images."""
 
 
 class Frustum(NamedTuple):
@@ -252,13 +257,19 @@ class ViewerScene:
         return camera_of_frustum(frustum, camera.width, camera.height), row
 
     def culls(self) -> bool:
-        """Return whether the flag for culling back faces is set; warn if the flag for wireframes is."""
+        """Return whether the flag for culling back faces is set; warn once of flags that are set without an effect."""
         if self._mjv_scene is None:
             return True
-        if self._mjv_scene.flags[_WIREFRAME] and not self._warned:
+        ignored = [name for name, flag in _IGNORED.items() if self._mjv_scene.flags[flag]]
+        if ignored and not self._warned:
             self._warned = True
-            warnings.warn("mjRND_WIREFRAME has no effect: surfaces are rendered", stacklevel=5)
+            verb = "has" if len(ignored) == 1 else "have"
+            warnings.warn(f"{', '.join(ignored)} {verb} no effect: surfaces are rendered", stacklevel=5)
         return bool(self._mjv_scene.flags[_CULL_FACE])
+
+    def reflects(self) -> bool:
+        """Return whether the flag for reflections is set."""
+        return self._mjv_scene is None or bool(self._mjv_scene.flags[_REFLECTION])
 
     def _fill(self, scene: mujoco.MjvScene) -> None:
         if self._frustum is None:

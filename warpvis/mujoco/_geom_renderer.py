@@ -24,13 +24,17 @@ from warpvis.mujoco._coinciding import Pairs, find_pairs
 from warpvis.mujoco._model_fields import shape_bodies
 from warpvis.rendering import Renderer, Views
 from warpvis.rendering.casters import Caster, CastOptions, ImagesByName, Scratch, ViewBatch
+from warpvis.rendering.casters.packed_rows import PackedRows
 from warpvis.scene import Scene, SceneObject
+from warpvis.scene.mirror_planes import Mirror
+from warpvis.scene.world_appearances import DeviceAppearances
 from warpvis.scene.worlds import parse_worlds, pose_columns
 
 if TYPE_CHECKING:
     from warpvis.kernels.mujoco.coinciding import Coinciding
 
 _OF_OBJECTS = {"labels", "segmentation", "faces"}
+_UPWARDS = 0.999  # cosine of the angle between the normal of the upper side of a box and its z axis
 _BOX_MARGIN = 2e-5  # relative: boxes are computed from poses and corners in single precision
 
 
@@ -151,20 +155,35 @@ class GeomRenderer(Renderer):
         exclude: wp.array | None = None,
         frame: np.ndarray | None = None,
         view_index: np.ndarray | None = None,
+        looks: DeviceAppearances | None = None,
         out: Views | None = None,
     ) -> Views:
-        """Render as `render` does, with sizes as in `warpvis.kernels.casting.worlds.Worlds`."""
+        """Render as `render` does, with sizes as in `warpvis.kernels.casting.worlds.Worlds`, and parsed appearances."""
         poses = self._caster.parse_poses(camera_to_world, "opencv")
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude)
+        least = 1 if looks is None else looks.worlds
+        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, least=least)
         if object_sizes is not None:
             worlds.object_sizes = object_sizes
-        views = ViewBatch(poses, worlds)
+        views = ViewBatch(poses, worlds, appearances=looks)
         self._number(views, frame, view_index)
         return self._render(views, out)
 
     def __init__(self, scene: Scene, camera: PlanarCamera, coinciding: CoincidingGeoms, **options: Any) -> None:
         self._coinciding = coinciding
         super().__init__(scene, camera, **options)
+
+    def _choose_mirrors(self, planes: Sequence[Mirror]) -> Sequence[Mirror]:
+        """Return the first plane, or the first upper side of a box, as MuJoCo does (`mjr_render` in render_gl3.c)."""
+        for plane in planes:
+            item = self.scene.objects[plane.owner]
+            up = np.array([0.0, 0.0, 1.0]) if item.origin is None else poses_to_matrices(item.origin)[:3, 2]
+            if item.parent is not None:
+                frame = self.scene.objects[item.parent].pose
+                assert frame is not None  # it is movable
+                up = up @ poses_to_matrices(frame)[:3, :3]
+            if np.dot(plane.normal, up) > _UPWARDS:
+                return [plane]
+        return []
 
     def _make_caster(self, camera: AnyCamera) -> Caster:
         return _LaterWins(super()._make_caster(camera), self.scene, camera, self._coinciding, self._options)
@@ -196,37 +215,52 @@ class _LaterWins:
             lacking = {"depth": wp.float32, "segmentation": wp.int32}.items()
             needed = {name: scratch.array(name, shape, dtype) for name, dtype in lacking if name not in images}
             self._caster.cast(views, {**images, **needed})
-            self._correct(coinciding, views, {**images, **needed})
+            self._correct(coinciding, views, {**images, **needed}, scratch)
 
         if device.is_cuda and device.is_capturing:  # a captured graph must not share its memory
             cast(Scratch(device))
         else:
             self._options.pool.use((self, shape, device.is_cuda and device.stream), lambda: Scratch(device), cast)
 
-    def _correct(self, coinciding: Coinciding, views: ViewBatch, images: ImagesByName) -> None:
-        poses, camera, segmentation = (
-            views.poses_on(self._scene.device),
-            self._camera.device_struct(),
-            images["segmentation"],
-        )
-        # On the CPU a thread processes a row, because starting a thread takes longer than most pixels.
-        span = segmentation.shape[2] if self._scene.device.is_cpu else 1
-        optional = images.get("labels"), images.get("faces")
-        inputs = [views.worlds, images["depth"], self._options.cull_backfaces, span, segmentation, *optional]
-        launch_images(
-            self._kernel(),
-            segmentation.shape,
-            lambda window: [coinciding, camera, poses, window, *inputs],
-            device=self._scene.device,
-            threads=self._options.threads,
-            span=span,
-        )
-
-    def _kernel(self) -> wp.Kernel:
+    def _correct(self, coinciding: Coinciding, views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
+        poses, camera = views.poses_on(self._scene.device), scratch.item("camera", self._camera.device_struct)
+        shape, worlds, depth = images["depth"].shape, views.worlds, images["depth"]
+        cull, written = self._options.cull_backfaces, [images.get(name) for name in ("segmentation", "labels", "faces")]
         if self._camera.ray_model == "parallel":
             from warpvis.kernels.casting.orthographic import show_later_from_plane
 
-            return show_later_from_plane
-        from warpvis.kernels.mujoco.coinciding import show_later
+            # On the CPU a thread processes a row, because starting a thread takes longer than most pixels.
+            span = shape[2] if self._scene.device.is_cpu else 1
+            launch_images(
+                show_later_from_plane,
+                shape,
+                lambda window: [coinciding, camera, poses, window, worlds, depth, cull, span, *written],
+                device=self._scene.device,
+                threads=self._options.threads,
+                span=span,
+            )
+        elif self._scene.device.is_cpu:
+            from warpvis.kernels.mujoco.coinciding_rows import LaterCall, LaterImages, show_later_rows
 
-        return show_later
+            packed = scratch.item(
+                "later rows", lambda: PackedRows(show_later_rows, LaterCall, LaterImages, self._options.threads)
+            )
+            packed.run(
+                shape,
+                dict(zip(("segmentation", "labels", "faces"), written, strict=True)),
+                coinciding=coinciding,
+                camera=camera,
+                camera_to_world=poses,
+                worlds=worlds,
+                depth=depth,
+                cull_backfaces=int(cull),
+            )
+        else:
+            from warpvis.kernels.mujoco.coinciding import show_later
+
+            launch_images(
+                show_later,
+                shape,
+                lambda _: [coinciding, camera, poses, worlds, depth, cull, *written],
+                device=self._scene.device,
+            )

@@ -62,7 +62,7 @@ def geom_parts(
     for geom in geoms:
         key = shape_key(model, geom)
         if key not in shapes:
-            shapes[key] = _mesh(model, geom, mesh_tolerance)
+            shapes[key] = geom_shape(model, geom, mesh_tolerance)
         shape = shapes[key]
         if shape is None:
             continue
@@ -149,7 +149,7 @@ def _infinite(model: mujoco.MjModel) -> float:
     return float(INFINITE_PLANE * model.vis.map.zfar * model.stat.extent)
 
 
-def _mesh(model: mujoco.MjModel, geom: int, mesh_tolerance: float) -> Mesh | Solid | None:
+def geom_shape(model: mujoco.MjModel, geom: int, mesh_tolerance: float) -> Mesh | Solid | None:
     """Make a geom's shape in its frame; None if it has no shape."""
     kind, data = int(shape_value(model, "type", geom)), shape_data(model, geom)
     a, b, c = shape_value(model, "size", geom).tolist()

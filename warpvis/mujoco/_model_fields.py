@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from warpvis.errors import SceneError, WarpvisError
 
 GEOM, SITE, UNKNOWN = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("GEOM", "SITE", "UNKNOWN"))
-_SKIN, _FLEX, _TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("SKIN", "FLEX", "TENDON"))
+SKIN, FLEX, TENDON = (int(getattr(mujoco.mjtObj, f"mjOBJ_{name}")) for name in ("SKIN", "FLEX", "TENDON"))
 
 DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 """A geom that has a material and this color takes the material's color (`setMaterial` in engine_vis_visualize.c)."""
@@ -56,6 +56,11 @@ def shape_meaning(model: mujoco.MjModel, shape: int) -> tuple[int, int]:
 def shape_places(data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Copy the poses of all shapes: positions [m], ``(shapes, 3)``, and rotations, ``(shapes, 9)``."""
     return np.concatenate([data.geom_xpos, data.site_xpos]), np.concatenate([data.geom_xmat, data.site_xmat])
+
+
+def element_meanings(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """List id and `mujoco.mjtObj` of all visual elements, in the order of `object_names`."""
+    return [(index, kind) for kind, count in _counts(model).items() for index in range(count)]
 
 
 def drawn_number(model: mujoco.MjModel, kind: int, index: int) -> int | None:
@@ -110,18 +115,18 @@ def _own_name(model: mujoco.MjModel, kind: int, index: int) -> str:
 def _counts(model: mujoco.MjModel) -> dict[int, int]:
     """Return the numbers of visual elements by type, in order."""
     counts = (model.ngeom, model.nsite, model.nskin, model.nflex, model.ntendon)
-    return dict(zip((GEOM, SITE, _SKIN, _FLEX, _TENDON), map(int, counts), strict=True))
+    return dict(zip((GEOM, SITE, SKIN, FLEX, TENDON), map(int, counts), strict=True))
 
 
 MATERIAL_FIELDS = (
     *("mat_rgba", "mat_texid", "mat_texrepeat", "mat_texuniform"),
-    *("mat_emission", "mat_specular", "mat_shininess", "mat_metallic", "mat_roughness"),
+    *("mat_emission", "mat_specular", "mat_shininess", "mat_reflectance", "mat_metallic", "mat_roughness"),
 )
-_LIGHT_FIELDS = (
+LIGHT_FIELDS = (
     *("light_pos", "light_dir", "light_cutoff", "light_exponent"),
     *("light_attenuation", "light_ambient", "light_diffuse", "light_specular"),
 )
-_HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
+HEADLIGHT_FIELDS = ("ambient", "diffuse", "specular")
 CAMERA_FIELDS = ("cam_fovy", "cam_intrinsic", "cam_sensorsize")
 # Numbers that determine shapes, their visibility and their appearance.
 _SHAPE_NUMBERS = (
@@ -140,7 +145,7 @@ _SITE_POSES = ("site_pos", "site_quat")
 # Fields that determine colors. Like in MuJoCo, images of textures are read once.
 _COLOR_FIELDS = (
     *("geom_rgba", "geom_matid", "site_rgba", "site_matid", *MATERIAL_FIELDS),
-    *("light_active", "light_type", "light_bodyid", *_LIGHT_FIELDS),
+    *("light_active", "light_type", "light_bodyid", *LIGHT_FIELDS),
 )
 _MESHES = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 _HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_HFIELD)
@@ -230,11 +235,20 @@ class AppearanceWatch:
         self._model = model
         self._fields = {name: Watched(getattr(model, name)) for name in _COLOR_FIELDS}
         headlight = model.vis.headlight
-        self._fields |= {f"vis.headlight.{name}": Watched(getattr(headlight, name)) for name in _HEADLIGHT_FIELDS}
+        self._fields |= {f"vis.headlight.{name}": Watched(getattr(headlight, name)) for name in HEADLIGHT_FIELDS}
 
     def changed(self) -> list[str]:
         """List the changed fields."""
         return [name for name, watched in self._fields.items() if watched.changed()]
+
+    def accept(self, names: Iterable[str]) -> None:
+        """Copy the current values of some fields as the previous ones."""
+        for name in names:
+            self._fields[name].accept()
+
+    def before(self, name: str) -> np.ndarray:
+        """Return the values of a field at construction, or when they were accepted."""
+        return self._fields[name].before()
 
     def __getstate__(self) -> dict[str, Any]:
         before = {name: watched.before().copy() for name, watched in self._fields.items()}
@@ -280,8 +294,8 @@ def check_shape_numbers(model: mujoco.MjModel) -> None:
 
 def check_light_numbers(model: mujoco.MjModel, lights: Iterable[int]) -> None:
     """Raise a `SceneError` if a number of the given lights, or of the headlight, is not finite."""
-    check_numbers(model, _LIGHT_FIELDS, SceneError, list(lights))
-    for name in _HEADLIGHT_FIELDS:
+    check_numbers(model, LIGHT_FIELDS, SceneError, list(lights))
+    for name in HEADLIGHT_FIELDS:
         value = getattr(model.vis.headlight, name)
         if not np.isfinite(value).all():
             raise SceneError(f"vis.headlight.{name} must be finite numbers, got {value.tolist()}")

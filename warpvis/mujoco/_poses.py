@@ -19,7 +19,7 @@ from warpvis.core.checks import as_items, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError
-from warpvis.mujoco._scene import MujocoScene
+from warpvis.mujoco._scene import JOINT_WRAP, MujocoScene
 
 
 class PoseSource(Protocol):
@@ -50,6 +50,24 @@ class WorldPoses:
     """Positions of the sites [m], shape ``(W, nsite, 3)``, which scenes may show."""
     site_xmat: ArrayInput | None = None
     """Their rotations, shape ``(W, nsite, 3, 3)`` or ``(W, nsite, 9)``."""
+    light_xpos: ArrayInput | None = None
+    """Positions of the lights [m], shape ``(W, nlight, 3)``, for colors."""
+    light_xdir: ArrayInput | None = None
+    """Their directions, shape ``(W, nlight, 3)``."""
+    wrap_xpos: ArrayInput | None = None
+    """Points of the paths of tendons [m], two in each row, shape ``(W, nwrap, 6)``."""
+    wrap_obj: ArrayInput | None = None
+    """The geoms that these points wrap, -1 for sites, -2 for pulleys, shape ``(W, nwrap, 2)`` int32."""
+    ten_wrapadr: ArrayInput | None = None
+    """First points of the tendons' paths, shape ``(W, ntendon)`` int32."""
+    ten_wrapnum: ArrayInput | None = None
+    """Their numbers of points, shape ``(W, ntendon)`` int32."""
+    xpos: ArrayInput | None = None
+    """Positions of the bodies [m], shape ``(W, nbody, 3)``, for skins."""
+    xquat: ArrayInput | None = None
+    """Their rotations ``w x y z``, shape ``(W, nbody, 4)``."""
+    flexvert_xpos: ArrayInput | None = None
+    """Positions of the vertices of flexes [m], shape ``(W, nflexvert, 3)``."""
 
     @classmethod
     def of(cls, worlds: Sequence[mujoco.MjData]) -> WorldPoses:
@@ -67,11 +85,30 @@ class WorldPoses:
         return found
 
 
-def pose_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, int]]:
+TENDON_FIELDS = ("wrap_xpos", "wrap_obj", "ten_wrapadr", "ten_wrapnum")
+SKIN_FIELDS = ("xpos", "xquat")
+INTEGER_FIELDS = TENDON_FIELDS[1:]
+
+
+def soft_fields(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the fields of `WorldPoses` for a model's spatial tendons, skins and flexes."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    if model.ntendon and (model.wrap_type[model.tendon_adr] != JOINT_WRAP).any():
+        shapes |= {"wrap_xpos": (model.nwrap, 6), "wrap_obj": (model.nwrap, 2)}
+        shapes |= {"ten_wrapadr": (model.ntendon,), "ten_wrapnum": (model.ntendon,)}
+    if model.nskin:
+        shapes |= {"xpos": (model.nbody, 3), "xquat": (model.nbody, 4)}
+    if model.nflex:
+        shapes["flexvert_xpos"] = (model.nflexvert, 3)
+    return shapes
+
+
+def pose_shapes(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """Return the shapes of the fields of `WorldPoses` in one world."""
-    shapes = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
+    shapes: dict[str, tuple[int, ...]] = {"geom_xpos": (model.ngeom, 3), "geom_xmat": (model.ngeom, 9)}
     shapes |= {"cam_xpos": (model.ncam, 3), "cam_xmat": (model.ncam, 9), "subtree_com": (model.nbody, 3)}
-    return shapes | {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)}
+    shapes |= {"light_xpos": (model.nlight, 3), "light_xdir": (model.nlight, 3)}
+    return shapes | {"site_xpos": (model.nsite, 3), "site_xmat": (model.nsite, 9)} | soft_fields(model)
 
 
 def read_source(poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> PoseSource | None:

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A drop-in replacement of `mujoco.Renderer` for depth and segmentation, without OpenGL."""
+"""A drop-in replacement of `mujoco.Renderer` without OpenGL."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, cast, get_args
+from typing import Any, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
-from warpvis.core.checks import check_choice, check_flag, describe_exception, truncate
+from warpvis.core.checks import check_choice, check_flag, check_whole
 from warpvis.core.labels import LabelInput, LabelRules
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError, WarpvisError
+from warpvis.mujoco._appearances import Style
 from warpvis.mujoco._cameras import (
     RendererScene,
     ViewerScene,
@@ -35,24 +36,38 @@ from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE
 from warpvis.mujoco._poses import check_computed
 from warpvis.mujoco._scene import check_patterns, select_geoms, shown_by
 from warpvis.mujoco._stage import Stage
+from warpvis.mujoco._stage_colors import StageLights, style_of
 from warpvis.mujoco._tessellation import Eye
-from warpvis.mujoco._visuals import Visuals
-from warpvis.rendering import DepthSensor, Fill, NearPlane, Output, check_fill, check_word, require_sensor
+from warpvis.mujoco._visuals import MAX_GEOMS, Visuals
+from warpvis.rendering import (
+    DepthSensor,
+    Fill,
+    Lighting,
+    NearPlane,
+    Output,
+    check_fill,
+    check_samples,
+    check_word,
+    require_sensor,
+)
 from warpvis.sensors import Reason
 
-_REBUILT = ("_stages", "_stage", "_viewer", "_fallback", "_visuals")
+_REBUILT = ("_stages", "_stage", "_viewer", "_visuals")
 _OF_SENSOR: tuple[Output, ...] = ("reasons", "true_depth")
 _NOTHING: dict[str, tuple[float, type]] = {"depth": (np.inf, np.float32), "segmentation": (-1, np.int32)}
+_CHANNELS: dict[str, tuple[int, ...]] = {"color": (3,), "depth": (), "segmentation": (2,)}
 _NOTHING |= {"reasons": (Reason.EMPTY, np.uint8), "true_depth": (np.inf, np.float32)}
+_MAX_MAX_GEOM = 10**7  # about 2 GB of MuJoCo's geoms
 _MAX_RENDERERS = 64  # bounds the memory if the camera's field of view keeps changing
 
 
 class Renderer:
-    """Depth and segmentation images of a MuJoCo model, with the interface of `mujoco.Renderer`.
+    """Color, depth and segmentation images of a MuJoCo model, with the interface of `mujoco.Renderer`, without OpenGL.
 
     Replace ``mujoco.Renderer`` by ``warpvis.mujoco.Renderer``; other code is unchanged. Differences:
 
-    - Colors are rendered by a `mujoco.Renderer`, if ``fallback=True``.
+    - Colors have exact shadows, where MuJoCo has shadow maps. Light is computed at the vertices of MuJoCo's triangles,
+      or at pixels (`lighting`).
     - Everything is rendered that MuJoCo draws with the flags of `mujoco.MjvOption`, except plugins and convex hulls.
     - `scene` is a `warpvis.Scene` with the `flags` and `camera` of MuJoCo's scene, but without `geoms`; see `scene`.
     - Round shapes are exact; MuJoCo draws them with 28 slices.
@@ -65,7 +80,7 @@ class Renderer:
         model: mujoco.MjModel,
         height: int = 240,
         width: int = 320,
-        max_geom: int = 10000,
+        max_geom: int = MAX_GEOMS,
         font_scale: object = None,
         *,
         mesh_tolerance: float = DEFAULT_MESH_TOLERANCE,
@@ -74,10 +89,11 @@ class Renderer:
         exclude: Iterable[str] = (),
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
+        lighting: Lighting = "vertex",
         fill: Fill = "far",
+        samples: int = 1,
         sensor: DepthSensor | None = None,
         seed: int = 0,
-        fallback: bool = False,
         device: DeviceLike = "cpu",
         threads: int | None = None,
     ) -> None:
@@ -87,8 +103,9 @@ class Renderer:
             model: A `mujoco.MjModel`.
             height: Image height [px], not limited by the model's ``offheight``.
             width: Image width [px].
-            max_geom: Used by `fallback` only; all geoms are rendered.
-            font_scale: Used by `fallback` only; images contain no text.
+            max_geom: Maximum number of tendon segments, contacts, frames and other elements that are neither geoms nor
+                sites; all geoms and sites are rendered.
+            font_scale: Unused, since images contain no text.
             mesh_tolerance: Maximum distance between round shapes and their triangles [m]; see `scene_from_mujoco`.
             labels: Labels for the objects of `scene`; see `scene_from_mujoco`.
             label_names: Names of user-defined classes, as for `warpvis.Scene`.
@@ -96,14 +113,17 @@ class Renderer:
             cull_backfaces: Whether back faces are invisible, as in MuJoCo, for example from inside a robot's head.
             near_plane: ``"clip"`` to clip geometry nearer than MuJoCo's near plane, as MuJoCo does; ``"occlude"`` to
                 render it.
+            lighting: Where light is computed: ``"vertex"``, at the vertices of MuJoCo's triangles, as MuJoCo does;
+                ``"pixel"``, at each pixel, which shows highlights and spots that MuJoCo's triangles miss.
             fill: Depth of pixels without depth: ``"far"`` for MuJoCo's far value (for a sensor, the near plane where a
                 surface is too near); ``"inf"`` for +inf (-inf where too near, and NaN where a sensor lost depth); or a
                 number [m].
+            samples: Rays through each pixel at an edge of a surface whose colors are averaged, as for
+                `warpvis.Renderer`; MuJoCo has ``model.vis.quality.offsamples`` instead.
             sensor: A depth camera model, as for `warpvis.Renderer`, which computes depth for MuJoCo's cameras with the
                 model's near plane. `reasons` has the reasons for missing depth, and `true_depth` the exact depth.
                 Segmentation remains exact.
             seed: Seed of the sensor's random numbers, which also depend on `frame`, the number of depth images.
-            fallback: Whether to render colors with a `mujoco.Renderer`, which needs OpenGL.
             device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
             threads: Number of CPU threads; by default all cores available to the process.
         """
@@ -118,7 +138,8 @@ class Renderer:
         self._device = device
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
-        self._fill = check_fill(fill)
+        self._lighting = check_choice(lighting, "lighting", get_args(Lighting))
+        self._fill, self._samples = check_fill(fill), check_samples(samples)
         self._sensor = None if sensor is None else require_sensor(sensor)
         self._seed = check_word(seed, "seed")
         self.frame = 0
@@ -126,16 +147,20 @@ class Renderer:
         self._sensed: dict[str, np.ndarray] = {}
         self._threads = check_threads(threads)
         self._viewer = ViewerScene(model)
-        self._visuals = Visuals(model, mesh_tolerance=mesh_tolerance)
+        self._max_geom = check_whole(max_geom, "max_geom")
+        if self._max_geom > _MAX_MAX_GEOM:
+            raise ArrayError(f"max_geom must be at most {_MAX_MAX_GEOM}, got {max_geom}")
+        self._visuals = Visuals(model, mesh_tolerance=mesh_tolerance, max_geoms=self._max_geom)
+        self._lights = StageLights(model)
+        self._style = Style()
+        self._has_colors = self._renders_colors = False
         self._warned: set[str] = set()
         self._stages: dict[tuple[tuple[int, ...], bool, tuple[int, ...]], Stage] = {}
-        self._stage = self._stage_of(shown_by(None))
         self._mode = "color"
+        self._stage = self._stage_of(shown_by(None))
         self._camera: PlanarCamera | None = None
         self._pose: NDArray[np.float32] = np.zeros(7, dtype=np.float32)
         self._closed = False
-        self._fallback_options = {"max_geom": max_geom} | ({} if font_scale is None else {"font_scale": font_scale})
-        self._fallback = self._make_fallback() if check_flag(fallback, "fallback") else None
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -143,17 +168,13 @@ class Renderer:
         return self._model
 
     @property
-    def fallback(self) -> mujoco.Renderer | None:
-        """The `mujoco.Renderer` for colors, or None."""
-        return self._fallback
-
-    @property
     def scene(self) -> RendererScene:
         """The scene of the last `update_scene`: a `warpvis.Scene` with the `flags` and `camera` of MuJoCo's scene.
 
-        Among `flags`, only mjRND_CULL_FACE has an effect. mjRND_WIREFRAME is ignored with a warning; the others do not
-        affect depth or segmentation. Changes of `camera` apply until the next `update_scene`. There are no `geoms`: use
-        `add` for additional shapes.
+        The flag mjRND_CULL_FACE has an effect on all images, and mjRND_SHADOW, mjRND_REFLECTION, mjRND_SKYBOX and
+        mjRND_HAZE on colors. Others that are set are ignored with a warning. Changes of `camera`,
+        `lights` and `background` apply until the next `update_scene`. There are no `geoms`: use `add` for additional
+        shapes.
 
         Added objects follow the model's objects, and are visible while `update_scene` selects the same groups of geoms
         and sites. Movable ones keep their initial poses.
@@ -231,10 +252,12 @@ class Renderer:
         stage.update(data)
         self._camera, self._pose = camera_of_frustum(frustum, self.width, self.height), pose
         self._draw(stage, data, viewer, scene_option)
-        self._stage = stage
+        self._stage, self._has_colors = stage, False
         self._viewer.update(frustum, pose)
-        if self._fallback is not None:
-            self._fallback.update_scene(data, camera, scene_option)
+        self._style = Style() if scene_option is None else style_of(scene_option)
+        self._lights.read(data)
+        if self._follows_colors:
+            self._color_stage()
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """Render the scene of the last `update_scene`.
@@ -245,26 +268,21 @@ class Renderer:
         Returns:
             Depth: planar depth [m], or the depth of `sensor`, shape ``(height, width)`` float32, with MuJoCo's far
             value or `fill` where there is none.
-            Color, with `fallback` only: shape ``(height, width, 3)`` uint8.
+            Color: sRGB, shape ``(height, width, 3)`` uint8.
             Segmentation: pairs of an id and its `mujoco.mjtObj` (mjOBJ_GEOM, mjOBJ_SITE, mjOBJ_SKIN, ...), as from
             `mujoco.Renderer`; -1 and mjOBJ_UNKNOWN for objects added to `scene`, -1 and -1 for no object, shape
             ``(height, width, 2)`` int32.
         """
         if self._closed:
             raise WarpvisError("render cannot be called after close")
-        if self._mode == "color":
-            if self._fallback is not None:
-                return cast("np.ndarray", self._fallback.render(out=out))
-            raise WarpvisError(
-                "render requires enable_depth_rendering() or enable_segmentation_rendering(); "
-                "for colors, use mujoco.Renderer or fallback=True"
-            )
         if self._camera is None:
             raise WarpvisError("update_scene() must be called before render()")
-        shape = self._size if self._mode == "depth" else (*self._size, 2)
+        shape = (*self._size, *_CHANNELS[self._mode])
         if out is not None and getattr(out, "shape", None) != shape:
             raise ArrayError(f"out must have shape {shape}, got {getattr(out, 'shape', type(out).__name__)}")
-        image = self._depth() if self._mode == "depth" else self._segmentation()
+        makers: dict[str, Callable[[], np.ndarray]]
+        makers = {"color": self._color, "depth": self._depth, "segmentation": self._segmentation}
+        image = makers[self._mode]()
         if out is None:
             return image
         np.copyto(out, image, casting="unsafe")
@@ -275,8 +293,6 @@ class Renderer:
         self._closed = True
         self._stages.clear()
         self._stage.renderers.clear()
-        if self._fallback is not None:
-            self._fallback.close()
 
     def __enter__(self) -> Renderer:
         return self
@@ -289,7 +305,6 @@ class Renderer:
         copied = {name: value for name, value in self.__dict__.items() if name not in _REBUILT}
         current = [key for key, stage in self._stages.items() if stage is self._stage]
         return copied | {
-            "_fallback": self._fallback is not None,
             "_current": current[0] if current else None,
             "_states": {key: stage.state() for key, stage in self._stages.items()},
             "_flags": self._viewer.flags(),
@@ -297,46 +312,53 @@ class Renderer:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Rebuild the scenes from the model's current values."""
-        states, current, fallback = state.pop("_states"), state.pop("_current"), state.pop("_fallback")
+        states, current = state.pop("_states"), state.pop("_current")
         flags = state.pop("_flags")
         self.__dict__ |= state
         self._viewer, self._stages = ViewerScene(self._model, flags), {}
-        self._visuals = Visuals(self._model, mesh_tolerance=self._options["mesh_tolerance"])
+        tolerance = self._options["mesh_tolerance"]
+        self._visuals = Visuals(self._model, mesh_tolerance=tolerance, max_geoms=self._max_geom)
         for shown, stage_state in states.items():
             self._stage_of(shown).restore(stage_state)
         if current is not None:
             self._stage = self._stages[current]
-        self._fallback = self._make_fallback() if fallback and not self._closed else None
-
-    def _make_fallback(self) -> mujoco.Renderer:
-        try:
-            return mujoco.Renderer(self._model, *self._size, **self._fallback_options)
-        except mujoco.FatalError as error:
-            raise WarpvisError(
-                f"fallback=True needs OpenGL, which is not available ({error}); "
-                "MUJOCO_GL=egl uses that of a GPU or of Mesa"
-            ) from None
-        except (AttributeError, OverflowError, TypeError) as error:
-            options = ", ".join(f"{name}={truncate(repr(value))}" for name, value in self._fallback_options.items())
-            raise ArrayError(
-                f"{options} must be valid for mujoco.Renderer, which fallback=True uses: {describe_exception(error)}"
-            ) from None
 
     def _draw(
         self, stage: Stage, data: mujoco.MjData, viewer: mujoco.MjvCamera, option: mujoco.MjvOption | None
     ) -> None:
         """Update visual elements other than geoms and sites; warn once of each that cannot be rendered."""
         if not self._visuals.may_draw(option):
+            self._visuals.clear()
             if len(stage.visuals):
                 stage.draw({})
             return
         assert self._camera is not None
         eye = Eye(self._camera, poses_to_matrices(self._pose.astype(np.float64)))
-        stage.draw(self._visuals.read(data, viewer, option, eye))
+        drawn = self._visuals.read(data, viewer, option, eye)
+        stage.draw(drawn, self._visuals.paints() if self._follows_colors else None)
         new = [name for name in self._visuals.undrawn if name not in self._warned]
         if new:
             self._warned.update(new)
             warnings.warn(f"elements of mujoco.Renderer that are not rendered: {', '.join(new)}", stacklevel=3)
+
+    @property
+    def _follows_colors(self) -> bool:
+        """Whether `update_scene` updates colors, too: otherwise, the first color image does."""
+        return self._mode == "color" or self._renders_colors
+
+    def _color_stage(self) -> None:
+        """Update colors, lights and the background of the current stage to those of the last `update_scene`."""
+        self._lights.light(self._stage.scene)
+        self._stage.color(self._style)
+        self._has_colors = True
+
+    def _color(self) -> NDArray[np.uint8]:
+        self._renders_colors = True
+        if not self._has_colors:
+            self._color_stage()
+            self._stage.draw(self._stage.visuals.state(), self._visuals.paints())
+        with self._lights.with_flags(self._stage.scene, self._viewer.flags()):
+            return self._cast("color")["color"]
 
     def _depth(self) -> NDArray[np.float32]:
         assert self._camera is not None
@@ -362,6 +384,7 @@ class Renderer:
             return self._nothing(outputs)
         sensor = self._sensor if "reasons" in outputs else None
         renderer = self._renderer_of(outputs, camera, culls=culls, sensor=sensor, seed=self._seed)
+        renderer.reflections = self._viewer.reflects()
         options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}
         if sensor is not None:
             options["frame"] = self.frame
@@ -370,7 +393,12 @@ class Renderer:
 
     def _nothing(self, outputs: Iterable[str]) -> dict[str, np.ndarray]:
         """Return the outputs of a view without surfaces."""
-        return {name: np.full(self._size, value, dtype) for name, (value, dtype) in _NOTHING.items() if name in outputs}
+        images: dict[str, np.ndarray] = {
+            name: np.full(self._size, value, dtype) for name, (value, dtype) in _NOTHING.items() if name in outputs
+        }
+        if "color" in outputs:
+            images["color"] = np.zeros((*self._size, 3), dtype=np.uint8)
+        return images
 
     def _renderer_of(
         self, outputs: tuple[Output, ...], camera: PlanarCamera, *, culls: bool = True, **options: Any
@@ -381,6 +409,8 @@ class Renderer:
             # Near geometry is clipped, or rendered at its depth: depth is always a number.
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             options |= {"near_plane": "clip", "cull_backfaces": culls, "threads": self._threads}
+            if "color" in outputs:
+                options |= {"samples": self._samples, "lighting": self._lighting}
             if len(stage.renderers) >= _MAX_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[key] = GeomRenderer(stage.scene, seen, stage.coinciding, outputs=outputs, **options)

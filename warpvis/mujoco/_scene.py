@@ -296,16 +296,24 @@ def _choose_pieces(model: mujoco.MjModel, names: list[str], movable: Movable) ->
     return rigid_pieces(model, loose_bodies=loose, independent=independent)
 
 
-def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
-    """Return for every shape the number of the last pattern that matches its object or body, ``(shapes,)``; else -1."""
-    numbers = np.full(len(shape_bodies(model)), -1, dtype=np.int32)
-    names = object_names(model)[: len(numbers)]
+def class_of_elements(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
+    """Return the number of the last pattern that matches a visual element or its body, in the order of `object_names`.
+
+    Elements without a match have -1.
+    """
+    names = object_names(model)
+    numbers = np.full(len(names), -1, dtype=np.int32)
     check_patterns(check_mapping(classes, name, SceneError), name)
     for pattern, number in classes.items():
         if not is_whole(number) or not 0 <= number < 2**31:
             raise SceneError(f"{name} must be whole numbers from 0 up, got {number!r} for {pattern!r}")
         numbers[fitting(model, names, pattern, name)] = number
     return numbers
+
+
+def class_of_geoms(model: mujoco.MjModel, classes: Mapping[str, int], name: str = "classes") -> NDArray[np.int32]:
+    """Return the numbers of `class_of_elements` of geoms and sites, ``(shapes,)``."""
+    return class_of_elements(model, classes, name)[: len(shape_bodies(model))]
 
 
 def check_patterns(patterns: Any, name: str = "exclude") -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import SceneError
+from warpvis.mujoco._appearances import Style
 from warpvis.mujoco._cameras import RendererScene
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._geoms import FIXED, geom_parts, initial_poses, rigid_pieces, shape_key
@@ -29,10 +30,13 @@ from warpvis.mujoco._model_fields import (
     shape_places,
 )
 from warpvis.mujoco._scene import Selection
+from warpvis.mujoco._stage_colors import StageColors
 from warpvis.mujoco._tessellation import Blocks
-from warpvis.mujoco._visuals import VisualKey, VisualObjects, names_of_parents, put_objects
+from warpvis.mujoco._visuals import Paint, VisualKey, VisualObjects, names_of_parents, put_objects
 from warpvis.rendering import Output
 from warpvis.scene import Part, Scene, SceneObject, take_snapshot
+from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.lights import Background, Light
 from warpvis.scene.solids import Solid
 
 # Tolerance of comparisons of double-precision poses [m; rotations: 1].
@@ -55,6 +59,10 @@ class StageState(NamedTuple):
     """Added objects, with the names of the objects to which they are attached."""
     visuals: dict[VisualKey, Blocks]
     """Other visual elements."""
+    paints: dict[VisualKey, Paint] | None
+    """Their appearances; None if they have none."""
+    lights: tuple[Light, ...]
+    background: Background | None
     position: NDArray[np.float32]
     rotation: NDArray[np.float32]
 
@@ -81,6 +89,7 @@ class Stage:
         self._independent: set[int] = set()
         pieces, self._poses = rigid_pieces(model), initial_poses(model, self._spare)
         """Geom-to-world poses from which the objects were built, ``(ngeom, 4, 4)``."""
+        self._colors = StageColors(model, scene, selection.mesh_tolerance)
         self._built: dict[int, _Built] = {}
         """Shapes and pieces from which the objects were built, by geom, in the order of the objects."""
         for geom, part in self._parts(selection.shown(model), pieces, self._poses):
@@ -116,9 +125,13 @@ class Stage:
         position, rotation = shape_places(data) if self._sites else (data.geom_xpos, data.geom_xmat)
         self._position[: len(position)], self._rotation[: len(position)] = position, rotation.reshape(-1, 3, 3)
 
-    def draw(self, drawn: Mapping[VisualKey, Blocks]) -> None:
-        """Update the visual elements other than geoms and sites."""
-        self.visuals.update(drawn, len(self._built))
+    def draw(self, drawn: Mapping[VisualKey, Blocks], paints: Mapping[VisualKey, Paint] | None = None) -> None:
+        """Update the visual elements other than geoms and sites, and their colors if they are given."""
+        self.visuals.update(drawn, len(self._built), paints)
+
+    def color(self, style: Style) -> None:
+        """Update the colors of geoms and sites to those of the model."""
+        self._colors.follow(self.shapes, style)
 
     def object_poses(self) -> NDArray[np.float32] | None:
         """Return poses of the movable objects, shape ``(1, M, 7)``; None without movable objects."""
@@ -139,7 +152,8 @@ class Stage:
         first = len(self._built) + len(self.visuals)
         added = [(take_snapshot(item), parents.get(item.name)) for item in objects[first:]]
         places = self._position.copy(), self._rotation.copy()
-        return StageState(list(self._built), added, self.visuals.state(), *places)
+        shown = self.visuals.state(), self.visuals.paints(), self.scene.lights, self.scene.background
+        return StageState(list(self._built), added, *shown, *places)
 
     def restore(self, state: StageState) -> None:
         """Restore the state of another stage of the same model."""
@@ -147,7 +161,8 @@ class Stage:
         shown = set(self._built)
         self._replace(set(), set(state.geoms) - shown, initial_poses(self._model, self._spare))
         self._hide_all_but(shown)
-        self.draw(state.visuals)
+        self.draw(state.visuals, state.paints)
+        self.scene.lights, self.scene.background = state.lights, state.background
         if state.added:
             objects = [*self.scene.objects, *(item for item, _ in state.added)]
             parents = {item.name: parent for item, parent in state.added if parent is not None}
@@ -236,6 +251,9 @@ class Stage:
         for geom, part in self._parts(independent, pieces, self._poses):
             if not isinstance(part.mesh, Solid) and np.array_equal(part.mesh[1], objects[geom].faces):
                 self.scene.update_vertices(part.name, part.mesh[0])
+                found = part.appearance.get() if isinstance(part.appearance, LazyAppearance) else None
+                if found is not None and found.vertex_grid is not None:
+                    self.scene.set_appearance(part.name, found)
                 self._built[geom] = self._built[geom]._replace(shape=shape_key(self._model, geom))
                 done.add(geom)
         if done:
@@ -258,6 +276,7 @@ class Stage:
         for geom, _ in parts:
             self._built[geom] = _Built(shape_key(self._model, geom), int(pieces[geom]))
             self._poses[geom] = poses[geom]
+        self._colors.made(geom for geom, _ in parts)
         self._built = dict(sorted(self._built.items()))
         self._get_ready()
         for geom, part in parts:

@@ -31,6 +31,9 @@ SLAB = 1e-4
 _ROUGHEST = 0.02
 """Maximum distance between triangles of visual shapes and the exact surface, in radii."""
 
+_SHARP = 0.8
+"""Cosine of the angle between faces at a sharp edge."""
+
 _HEAD = 1.75
 """Radius of an arrow's head, in radii of the arrow."""
 
@@ -118,10 +121,7 @@ def simple_shapes(
     The distance between triangles and the exact surface is at most `mesh_tolerance` [m] and 2 % of the radius. With
     `open_ends`, cylinders have no caps.
     """
-    radius = float(sizes[:, :2].max())
-    error = min(mesh_tolerance / radius, _ROUGHEST) if radius > 0 else _ROUGHEST
-    # The error is halved in steps, so that slightly larger shapes keep their faces.
-    unit, ends, faces = _unit(kind, _ROUGHEST / 2.0 ** math.ceil(math.log2(_ROUGHEST / error)), open_ends)
+    unit, ends, faces = _unit(kind, _unit_error(sizes, mesh_tolerance), open_ends)
     stretch, half = sizes.astype(np.float64), np.zeros(len(sizes))
     if kind == _GEOM.mjGEOM_CAPSULE:
         half = stretch[:, 2].copy()
@@ -129,6 +129,47 @@ def simple_shapes(
     corners = unit * stretch[:, None]
     corners[..., 2] += half[:, None] * ends
     return Blocks(corners @ np.swapaxes(rotation, 1, 2) + position[:, None], faces)
+
+
+def _unit_error(sizes: _Floats, mesh_tolerance: float) -> float:
+    """Return the distance between the triangles of shapes of unit size and the exact surface."""
+    radius = float(sizes[:, :2].max())
+    error = min(mesh_tolerance / radius, _ROUGHEST) if radius > 0 else _ROUGHEST
+    # The error is halved in steps, so that slightly larger shapes keep their faces.
+    return _ROUGHEST / 2.0 ** math.ceil(math.log2(_ROUGHEST / error))
+
+
+def simple_normals(
+    kind: int, sizes: _Floats, rotation: _Floats, *, mesh_tolerance: float, open_ends: bool = False
+) -> _Floats:
+    """Return normals of the corners of the triangles of `simple_shapes` in the world, shape ``(n, f, 3, 3)``."""
+    normals = _unit_normals(kind, _unit_error(sizes, mesh_tolerance), open_ends)
+    stretch = sizes.astype(np.float64)
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        stretch[:, 2] = stretch[:, :2].mean(axis=1)
+    across = normals / np.maximum(stretch, 1e-12)[:, None, None]
+    across = across @ np.swapaxes(rotation, 1, 2)[:, None]
+    return across / np.linalg.norm(across, axis=-1, keepdims=True)
+
+
+@functools.lru_cache(maxsize=64)
+def _unit_normals(kind: int, error: float, open_ends: bool) -> _Floats:
+    """Return normals at the corners of a shape of unit size, ``(f, 3, 3)``: smooth but at sharp edges."""
+    _, _, faces = _unit(kind, error, open_ends)
+    corners, _ = SIMPLE_SHAPES[kind](error)
+    a, b, c = np.swapaxes(corners[faces], 0, 1)
+    flat = np.cross(b - a, c - a)
+    flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-12)
+    members: list[list[int]] = [[] for _ in corners]
+    for face, triangle in enumerate(faces.tolist()):
+        for corner in triangle:
+            members[corner].append(face)
+    normals = np.empty((len(faces), 3, 3))
+    for face, triangle in enumerate(faces.tolist()):
+        for place, corner in enumerate(triangle):
+            near = flat[members[corner]]
+            normals[face, place] = near[near @ flat[face] > _SHARP].sum(axis=0)
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
 @functools.lru_cache(maxsize=64)

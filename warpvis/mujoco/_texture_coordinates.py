@@ -3,7 +3,8 @@
 """Texture coordinates of 2D and cube textures on MuJoCo's shapes, per triangle corner.
 
 The formulas are those of MuJoCo 4's renderer: `makeBuiltin`, `sphere`, `halfSphere`, `cylinder`, `disk` and `makePlane`
-in src/render/classic/render_context.c, and `settexture` in render_gl3.c. MuJoCo's v is downward; here it is upward.
+in src/render/classic/render_context.c, and `settexture` in render_gl3.c. Renderers before MuJoCo 3.12 project textures
+along z onto all shapes, and ignore repetitions on meshes with coordinates. MuJoCo's v is downward; here it is upward.
 Coordinates include repetitions.
 """
 
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 Corners = NDArray[np.float64]
 
 _GEOM = mujoco.mjtGeom
+_PROJECTS = tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 12)
+"""Whether the installed MuJoCo projects 2D textures onto all shapes without coordinates."""
 
 
 def plain_uv(
@@ -31,9 +34,9 @@ def plain_uv(
     size = _size(kind, size)
     sides = np.where(size[:2] > 0, size[:2], 1.0)
     along, shift = np.where(repeat > 0, repeat, 1.0) * (sides if uniform else 1.0), 0.0
-    if kind in _UNIT:
+    if kind in _UNIT and not _PROJECTS:
         uv = _UNIT[kind](corners / size, size)
-    elif kind == _GEOM.mjGEOM_PLANE:
+    elif kind == _GEOM.mjGEOM_PLANE and not _PROJECTS:
         uv = np.where(size[:2] > 0, corners[..., :2] / sides + 1, corners[..., :2]) / 2
         uv[..., 1] += np.where(size[1] > 0, 0.0, 1.0)
         shift = 0.0 if (size[:2] > 0).all() else 0.5
@@ -47,6 +50,8 @@ def plain_uv(
 def stored_uv(rows: NDArray[np.floating], size: Corners, repeat: Corners, *, uniform: bool) -> NDArray[np.float32]:
     """Apply repetitions to a mesh's coordinates, whose v is downward, shape ``(m, 3, 2)``."""
     along = np.where(repeat > 0, repeat, 1.0) * (np.where(size[:2] > 0, size[:2], 1.0) if uniform else 1.0)
+    if _PROJECTS:
+        along = np.ones(2)
     uv = np.array(rows, dtype=np.float64)
     uv[..., 1] = 1 - uv[..., 1]
     return _repeated(uv, along, 0.0)

@@ -201,12 +201,13 @@ def _compiled_appearance(model: mujoco.MjModel, geom: int, mesh: _Mesh) -> LazyA
     def make() -> Appearance | None:
         assert mesh.appearance is not None
         found = mesh.appearance.get()
-        if found is None or found.uv is None:
+        if found is None or (found.uv is None and not found.map_uv):
             return found
         order = (compiled[:, :, None] == mesh.faces[:, None, :]).argmax(axis=2)
         uv = found.corner_uv(mesh.faces)
-        assert uv is not None
-        return replace(found, uv=np.take_along_axis(uv, order[:, :, None], axis=1))
+        ordered = None if uv is None else np.take_along_axis(uv, order[:, :, None], axis=1)
+        map_uv = {name: np.take_along_axis(rows, order[:, :, None], axis=1) for name, rows in found.map_uv.items()}
+        return replace(found, uv=ordered, map_uv=map_uv)
 
     return LazyAppearance(make)
 
@@ -262,11 +263,15 @@ _GRAY = Material(base_color=(0.5, 0.5, 0.5, 1.0))
 
 def join_appearances(items: Sequence[SceneObject]) -> LazyAppearance | None:
     """Return the lazily loaded appearance of objects that are concatenated in order; None if no object has any."""
-    return LazyAppearance(partial(_joined, items)) if any(item.lazy_appearance is not None for item in items) else None
+    return LazyAppearance(partial(_joined, items)) if any(map(_has_colors, items)) else None
+
+
+def _has_colors(item: SceneObject) -> bool:
+    return item.lazy_appearance is not None and item.lazy_appearance.has_colors
 
 
 def _joined(items: Sequence[SceneObject]) -> Appearance | None:
-    found = [item.appearance for item in items]
+    found = [item.appearance if _has_colors(item) else None for item in items]
     if not any(found):
         return None
     appearances = [appearance or Appearance((_GRAY,)) for appearance in found]
@@ -274,12 +279,18 @@ def _joined(items: Sequence[SceneObject]) -> Appearance | None:
     faces, corners = [len(item.faces) for item in items], [len(item.vertices) for item in items]
     numbers = _filled([appearance.face_materials for appearance in appearances], faces, 0, ())
     uv = [appearance.corner_uv(item.faces) for item, appearance in zip(items, appearances, strict=True)]
+    maps = dict.fromkeys(name for appearance in appearances for name in appearance.map_uv)
+    map_uv = {
+        name: [appearance.corner_uv(item.faces, name) for item, appearance in zip(items, appearances, strict=True)]
+        for name in maps
+    }
     return Appearance(
         tuple(material for appearance in appearances for material in appearance.materials),
         (np.repeat(firsts[:-1], faces) + (0 if numbers is None else numbers)).astype(np.int32),
         _filled(uv, faces, 0, (3, 2)),
         _filled([_floats(appearance.vertex_colors) for appearance in appearances], corners, 1, (4,)),
         _filled([_floats(appearance.face_colors) for appearance in appearances], faces, 1, (4,)),
+        map_uv={name: rows for name, parts in map_uv.items() if (rows := _filled(parts, faces, 0, (3, 2))) is not None},
     )
 
 

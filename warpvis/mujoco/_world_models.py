@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal, cast
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -15,15 +15,24 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, SceneError
-from warpvis.mujoco._model_fields import DEFAULT_COLOR
 from warpvis.mujoco._scene import MujocoScene, Selection, check_patterns, fitting
 
-POSE_FIELDS = ("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat")
+POSE_FIELDS = (
+    *("body_pos", "body_quat", "geom_pos", "geom_quat", "cam_pos", "cam_quat"),
+    *("light_pos", "light_dir"),
+)
 """Fields that determine poses for given joint positions; given poses already include them."""
-_COLOR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
+COLOR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
+TEXTURE_FIELDS = ("mat_texid",)
+_LIGHT_FIELDS = ("light_active", "light_diffuse", "light_ambient", "light_specular", "light_attenuation")
+# Properties that all worlds share, if colors are rendered.
+_SHARED_LOOKS = (
+    *("light_type", "light_castshadow", "light_cutoff", "light_exponent", "mat_texrepeat", "mat_texuniform"),
+    *("mat_specular", "mat_shininess"),
+)
 # Worlds share meshes and lenses, so these fields must be equal.
 _SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
-_KNOWN = (*POSE_FIELDS, "cam_fovy", *_COLOR_FIELDS, "geom_size")
+_KNOWN = (*POSE_FIELDS, "cam_fovy", *COLOR_FIELDS, *TEXTURE_FIELDS, "mat_emission", *_LIGHT_FIELDS, "geom_size")
 
 
 class WorldModels:
@@ -60,18 +69,19 @@ class WorldModels:
         """Return sizes of geoms in one world or all, on the host or on a GPU; None for the model's."""
         return self._value("geom_size") if "geom_size" in self._fields else None
 
-    def hidden_objects(self, mujoco_scene: MujocoScene, rows: NDArray[np.int32], views: int) -> wp.array | None:
-        """Flag the objects that are hidden in each view, ``(views, objects)`` uint8; None if colors are the model's."""
+    def hidden_objects(
+        self, mujoco_scene: MujocoScene, rows: NDArray[np.int32], views: int, *, changed: bool = False
+    ) -> wp.array | None:
+        """Flag the objects that are hidden in each view, ``(views, objects)`` uint8; None if colors are the model's.
+
+        `changed` states whether the colors of the model have changed.
+        """
         from warpvis.kernels.mujoco.arrays import hidden_objects
 
-        if not any(name in self._fields for name in _COLOR_FIELDS):
+        if not (changed or self.has(*COLOR_FIELDS)):
             return None
-        device, inputs = mujoco_scene.scene.device, []
-        for name, dtype in _COLOR_FIELDS.items():
-            value = self._value(name)
-            if isinstance(value, np.ndarray):
-                self._check_values(name, value)
-            inputs.append(as_warp(value, dtype, ("W", len(getattr(self._model, name))), name=name, device=device))
+        device = mujoco_scene.scene.device
+        inputs = self.color_arrays(device)
         inputs += [wp.array(ids, dtype=wp.int32, device=device) for ids in (rows, mujoco_scene.geoms_of_objects())]
         hidden = wp.empty((views, len(mujoco_scene.scene)), dtype=wp.uint8, device=device)
         launch(hidden_objects, hidden.shape, [*inputs, hidden], device)
@@ -89,31 +99,61 @@ class WorldModels:
                 f"{name} must be {expected}, got {rows[world, index].tolist()} at index {index} in world {world}"
             )
 
-    def check_own_colors(self, geoms: NDArray[np.int32]) -> None:
-        """Raise an `ArrayError` unless visible geoms have the model's colors and materials in every world."""
-        names = [name for name in _COLOR_FIELDS if name in self._fields]
-        if not names:
-            return
-        far = [name for name in names if on_gpu(self._fields[name])]
-        if far:
-            raise ArrayError(
-                f"{far[0]} must be in host memory, or omitted, for the outputs color and albedo: these "
-                "show the model's colors, and arrays on a GPU are not compared with them"
-            )
-        own = [getattr(self._model, name) for name in _COLOR_FIELDS]
-        expected = _effective([values[None] for values in own], geoms)
-        rows = [np.asarray(self._value(name), values.dtype) for name, values in zip(_COLOR_FIELDS, own, strict=True)]
-        colors, materials = _effective(rows, geoms)
-        other = (colors[..., :3] != expected[0][..., :3]).any(axis=-1) | (materials != expected[1])
-        bad = np.argwhere(other & (colors[..., 3] != 0))
-        if len(bad):
-            world, place = bad[0].tolist()
-            geom = int(geoms[place])
-            raise ArrayError(
-                "worlds must have the model's colors and materials for the outputs color and albedo, got "
-                f"others for geom {self._model.geom(geom).name or geom!r} in world {world}; omit "
-                f"{', '.join(names)}, or create a BatchRenderer for each model"
-            )
+    def has(self, *names: str) -> bool:
+        """Return whether one of some fields is given."""
+        return any(name in self._fields for name in names)
+
+    def value(self, name: str) -> Any:
+        """Return a field of one world or all, by default the model's; numbers in host memory are checked."""
+        value = self._value(name)
+        if isinstance(value, np.ndarray):
+            own = getattr(self._model, name)
+            if value.shape[1:] != own.shape or value.dtype.kind not in "fiub":
+                expected = ", ".join(map(str, ("W", *own.shape)))
+                raise ArrayError(f"{name} must have shape ({expected}), got {value.dtype} of shape {value.shape}")
+            if not np.isfinite(value).all():
+                world, index = np.argwhere(~np.isfinite(value))[0, :2].tolist()
+                raise ArrayError(
+                    f"{name} must be finite, got {value[world, index].tolist()} at index {index} in world {world}"
+                )
+        return value
+
+    def color_arrays(self, device: wp.Device) -> list[wp.array]:
+        """Return colors and materials of geoms, and colors of materials, of one world or all, on a device."""
+        inputs = []
+        for name, dtype in COLOR_FIELDS.items():
+            value = self._value(name)
+            if isinstance(value, np.ndarray):
+                self._check_values(name, value)
+            inputs.append(as_warp(value, dtype, ("W", len(getattr(self._model, name))), name=name, device=device))
+        return inputs
+
+    def materials(self) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+        """Return `geom_matid` and `mat_texid` of one world or all; None if one is on a GPU and equal in all worlds."""
+        found: list[NDArray[np.int32] | None] = []
+        for name in ("geom_matid", *TEXTURE_FIELDS):
+            value = self._value(name)
+            if on_gpu(value):
+                if value.shape[0] > 1:
+                    raise ArrayError(
+                        f"{name} must be in host memory, or of one world, for the outputs color and albedo: texture "
+                        "coordinates are made for each material of a geom"
+                    )
+                found.append(None)
+                continue
+            rows = self.value(name)
+            if name == "geom_matid":
+                self._check_values(name, rows)
+            elif rows.size and (rows.min() < -1 or rows.max() >= self._model.ntex):
+                raise ArrayError(f"{name} must be from -1 to {self._model.ntex - 1}, got {rows.min()} to {rows.max()}")
+            found.append(rows.astype(np.int32))
+        return found[0], found[1]
+
+    def check_shared_looks(self) -> None:
+        """Raise an `ArrayError` if properties of materials or lights differ that all worlds share."""
+        for name in _SHARED_LOOKS:
+            if name in self._fields:
+                self._check_shared(name)
 
     def _value(self, name: str) -> Any:
         """Return a field of one world or all, by default the model's: a NumPy array, or an array on a GPU."""
@@ -160,29 +200,16 @@ class WorldModels:
             raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {value.shape[0]}")
 
 
-def _effective(fields: Sequence[NDArray[Any]], geoms: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return effective colors and materials of geoms in every world: a geom of default color has its material's."""
-    geom_rgba, geom_matid, mat_rgba = fields
-    count = max(len(geom_rgba), len(geom_matid), len(mat_rgba))
-    rgba = np.broadcast_to(geom_rgba[:, geoms], (count, len(geoms), 4))
-    matid = np.broadcast_to(geom_matid[:, geoms], (count, len(geoms)))
-    of_material = (matid >= 0) & (rgba == DEFAULT_COLOR).all(axis=-1)
-    if not of_material.any():
-        return rgba, matid
-    worlds = np.arange(count)[:, None] % len(mat_rgba)
-    return np.where(of_material[..., None], mat_rgba[worlds, np.maximum(matid, 0)], rgba), matid
-
-
 def _read(source: object) -> dict[str, Any]:
     """Collect the arrays by name."""
     if isinstance(source, mujoco.MjModel):
         raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")
     if isinstance(source, Mapping):
-        unknown = [str(name) for name in source if name not in _KNOWN + _SHARED_FIELDS]
+        unknown = [str(name) for name in source if name not in _KNOWN + _SHARED_FIELDS + _SHARED_LOOKS]
         if unknown:
             raise ArrayError(f"model must have keys among {', '.join(_KNOWN)}, got {', '.join(unknown)}")
         return dict(source)
-    found = {name: getattr(source, name) for name in _KNOWN + _SHARED_FIELDS if hasattr(source, name)}
+    found = {name: getattr(source, name) for name in _KNOWN + _SHARED_FIELDS + _SHARED_LOOKS if hasattr(source, name)}
     if not found:
         raise ArrayError(f"model must have attributes among {', '.join(_KNOWN)}, got {type(source).__name__}")
     return found

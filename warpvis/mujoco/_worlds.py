@@ -17,7 +17,7 @@ from warpvis.core.checks import is_whole, pluralize
 from warpvis.core.threads import check_threads, run_each
 from warpvis.errors import ArrayError
 from warpvis.mujoco._geoms import initial_poses
-from warpvis.mujoco._poses import PoseSource, WorldPoses, pose_shapes
+from warpvis.mujoco._poses import INTEGER_FIELDS, PoseSource, WorldPoses, pose_shapes
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.mujoco._world_models import WorldModels
 from warpvis.rendering import Pool
@@ -100,8 +100,15 @@ class Kinematics:
         changes: Mapping[str, NDArray[np.float64]] = MappingProxyType({}),
     ) -> WorldPoses:
         model = self._model
-        shapes = {name: shape for name, shape in pose_shapes(model).items() if model.nsite or "site" not in name}
-        arrays = {name: np.empty((count, *shape), dtype=np.float32) for name, shape in shapes.items()}
+        shapes = {
+            name: shape
+            for name, shape in pose_shapes(model).items()
+            if shape[0] or not name.startswith(("site", "light"))
+        }
+        arrays = {
+            name: np.empty((count, *shape), dtype=np.int32 if name in INTEGER_FIELDS else np.float32)
+            for name, shape in shapes.items()
+        }
         parts = [part for part in np.array_split(np.arange(count), self._threads) if len(part)]
         # Every thread has its own copy of a model that changes from world to world.
         models = [_changeable(model, changes) if changes else model for _ in parts]
@@ -121,6 +128,10 @@ class Kinematics:
                 mujoco.mj_kinematics(thread_model, data)
                 mujoco.mj_comPos(thread_model, data)  # cameras may look at a center of mass
                 mujoco.mj_camlight(thread_model, data)
+                if "flexvert_xpos" in arrays:
+                    mujoco.mj_flex(thread_model, data)
+                if "wrap_xpos" in arrays:
+                    mujoco.mj_tendon(thread_model, data)
                 for out, field in fields:
                     out[world] = field
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from warpvis.core.outputs import OUTPUTS, OutputSpec
 from warpvis.rendering._along import render_along as render_along
+from warpvis.rendering._antialiasing import check_samples as check_samples
 from warpvis.rendering._blindness import (
     seen_objects as seen_objects,
     warn_of_eyes_inside as warn_of_eyes_inside,
@@ -17,6 +18,7 @@ from warpvis.rendering._blindness import (
 from warpvis.rendering._choices import (
     CasterName,
     Fill,
+    Lighting,
     NearPlane,
     Output,
     check_fill as check_fill,
@@ -57,6 +59,7 @@ __all__ = [
     "Exposure",
     "Fill",
     "Frame",
+    "Lighting",
     "NearPlane",
     "Output",
     "OutputSpec",

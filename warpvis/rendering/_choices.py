@@ -21,6 +21,8 @@ Fill = Literal["inf", "far"] | float
 """Depth of pixels without a surface: infinite, the camera's `far`, or a number."""
 NearPlane = Literal["occlude", "clip"]
 """Whether surfaces nearer than `near` hide surfaces behind them, as for a real sensor, or are cut away."""
+Lighting = Literal["pixel", "vertex"]
+"""Where light is computed: at pixels, or at vertices and interpolated, as in OpenGL's fixed-function pipeline."""
 
 _MAX_FLOAT = 3.4e38  # about the largest float32
 

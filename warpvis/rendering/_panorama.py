@@ -31,6 +31,7 @@ def render_wide(
     far: float = math.inf,
     outputs: Sequence[Output] = ("depth",),
     cull_backfaces: bool = False,
+    shadows: bool = True,
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
@@ -55,6 +56,7 @@ def render_wide(
         far: Maximum length of a ray [m].
         outputs: The images to render, as for `Renderer`.
         cull_backfaces: Whether to ignore triangles seen from behind, as for `Renderer`.
+        shadows: Whether lights with shadows cast them in ``"color"``, as for `Renderer`.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
@@ -81,6 +83,7 @@ def render_wide(
         outputs=outputs,
         caster="auto" if is_small else "rays",
         cull_backfaces=cull_backfaces,
+        shadows=shadows,
         object_poses=object_poses,
         world_index=world_index,
         exclude=exclude,

@@ -6,8 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import warp as wp
@@ -23,11 +24,13 @@ from warpvis.core.poses import Convention, QuaternionOrder, host_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
+from warpvis.rendering._antialiasing import EDGE_IMAGES, check_samples, smooth_edges
 from warpvis.rendering._blindness import find_blind, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.rendering._choices import (
     DEFAULT_OUTPUTS,
     CasterName,
     Fill,
+    Lighting,
     NearPlane,
     Output,
     check_device_bytes,
@@ -37,12 +40,19 @@ from warpvis.rendering._choices import (
 )
 from warpvis.rendering._computed import Frame, compute_output, needs_of
 from warpvis.rendering._depth_sensor import DepthSensor
+from warpvis.rendering._layer_lists import blend_layers
+from warpvis.rendering._layers import is_layered
+from warpvis.rendering._mirrors import add_mirror, flipped_camera
 from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
+from warpvis.rendering._shadows import cast_occlusion, cast_shadows, check_occlusion, count_shadows
 from warpvis.rendering._views import CheckedImages, Views, pixel_bytes, pixel_type, views_for
 from warpvis.rendering.casters import Caster, CastOptions, ViewBatch, make_caster
 from warpvis.rendering.casters.base import ImagesByName, Scratch, as_image
 from warpvis.rendering.casters.moving import MovingCaster, MovingPoses
 from warpvis.scene import Scene, require_scene
+from warpvis.scene.lights import AmbientOcclusion
+from warpvis.scene.mirror_planes import Mirror
+from warpvis.scene.world_appearances import WorldAppearances, parse_appearances
 from warpvis.scene.worlds import parse_worlds
 
 if TYPE_CHECKING:
@@ -71,6 +81,11 @@ class Renderer:
         cull_backfaces: bool = False,
         near_plane: NearPlane = "occlude",
         fill: Fill = "inf",
+        shadows: bool = True,
+        reflections: bool = True,
+        lighting: Lighting = "pixel",
+        ambient_occlusion: AmbientOcclusion | None = None,
+        samples: int = 1,
         sensor: DepthSensor | None = None,
         seed: int = 0,
         threads: int | None = None,
@@ -96,6 +111,15 @@ class Renderer:
             fill: Depth of pixels without a valid depth: ``"inf"``, +inf where there is no surface up to `far` and -inf
                 where a surface is too near; ``"far"``, the camera's `far` and `near`; or a number for both, such as
                 0.0. Pixels that a sensor lost for other reasons get the value of pixels without a surface.
+            shadows: Whether surfaces block the light of each light with `Light.cast_shadow` in ``"color"``.
+            reflections: Whether flat surfaces whose material has a `reflectance` show a mirror image in ``"color"``.
+            lighting: Where light is computed in ``"color"``: ``"pixel"``, at each pixel; ``"vertex"``, at the vertices
+                of triangles, clamped there, and interpolated, as in OpenGL's fixed-function pipeline. Shadows are those
+                of pixels in both cases.
+            ambient_occlusion: How far surfaces block ambient light of each other in ``"color"``; by default, they do
+                not.
+            samples: Rays through each pixel at an edge of a surface whose colors are averaged in ``"color"``: 1, 2, 4,
+                8 or 16. Other pixels, and all other images, show what the ray through the pixel's center sees.
             sensor: A model of `warpvis.sensors`: depth and points are computed as such a device would measure them, and
                 the other images are those of the exact rays. By default, depth and points are exact too.
             seed: Seed of the sensor's random numbers, combined with each view's number and frame; from 0 to 2^32 - 1.
@@ -120,6 +144,14 @@ class Renderer:
         self.device_bytes = check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = fill_numbers(fill, camera)
+        self.shadows = check_flag(shadows, "shadows")
+        self.reflections = check_flag(reflections, "reflections")
+        check_choice(lighting, "lighting", get_args(Lighting))
+        self.lighting: Lighting = lighting
+        if self.lighting == "vertex":
+            scene.require_planes()
+        self.ambient_occlusion = check_occlusion(ambient_occlusion)
+        self.samples = check_samples(samples, camera)
         self._shape = camera.shape
         self._checked = CheckedImages()
         self._options = CastOptions(
@@ -135,6 +167,7 @@ class Renderer:
         self._caster = self._make_caster(self._exact_camera)
         self._only_packets = caster == "packets"
         self._moving: MovingCaster | None = None
+        self._mirrored: tuple[AnyCamera, Caster] | None = None
 
     def _make_caster(self, camera: AnyCamera) -> Caster:
         return make_caster(self.caster, self.scene, camera, self._options)
@@ -160,6 +193,7 @@ class Renderer:
         object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
+        appearances: WorldAppearances | None = None,
         convention: Convention | None = None,
         quaternion: QuaternionOrder = "xyzw",
         frame: int | ArrayInput | None = None,
@@ -188,6 +222,8 @@ class Renderer:
                 there are V worlds, view i shows world i.
             exclude: Objects to leave out: names or indices of objects, or flags per view, shape ``(V, objects)``. For
                 example, a robot's camera excludes the robot's body.
+            appearances: Colors, materials, lights and backgrounds of the worlds, which the outputs ``"color"`` and
+                ``"albedo"`` show; by default all worlds have those of the scene.
             convention: Axes of the camera frame of the poses: ``"opencv"``, ``"opengl"``, ``"ros_body"`` or
                 ``"ros_optical"``; by default the camera's axes, which are OpenCV's except for `warpvis.cameras.Rays`
                 with other axes.
@@ -220,10 +256,26 @@ class Renderer:
             views = self._moving_caster().parse(camera_to_world, object_poses, convention, *options)
         else:
             poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
-            views = ViewBatch(poses, parse_worlds(self.scene, len(poses), object_poses, *options))
+            views = self._view_batch(poses, object_poses, options, appearances)
         if self._sensing is not None or frame is not None or view_index is not None:
             self._number(views, frame, view_index)
         return self._render(views, out)
+
+    def _view_batch(
+        self,
+        poses: Any,
+        object_poses: ObjectPoses,
+        options: tuple[ArrayInput | None, Excluded, ObjectScales],
+        appearances: WorldAppearances | None,
+        pixels: wp.array | None = None,
+    ) -> ViewBatch:
+        """Return views of checked poses, with their worlds and appearances."""
+        if appearances is None:
+            worlds = parse_worlds(self.scene, len(poses), object_poses, *options)
+            return ViewBatch(poses, worlds, pixels=pixels)
+        found = parse_appearances(self.scene, appearances)
+        worlds = parse_worlds(self.scene, len(poses), object_poses, *options, least=found.worlds)
+        return ViewBatch(poses, worlds, pixels=pixels, appearances=found)
 
     def _number(self, views: ViewBatch, frame: int | ArrayInput | None, view_index: ArrayInput | None) -> None:
         """Set the number and frame of each view, which seed a sensor's random numbers."""
@@ -282,6 +334,8 @@ class Renderer:
     def _lacking(self) -> set[str]:
         """Return the images that the stages need and that were not requested; with a sensor, also exact points."""
         needed = set[str]().union(*(needs_of(name, self.scene) for name in self._computed))
+        if self.samples > 1 and "color" in self._computed:
+            needed.update(EDGE_IMAGES)
         if self._sensing is not None:
             exact = {"exact points"} if "points" in needed else set()
             needed = (needed - {"points"}) | exact | set(self._sensing.needs)
@@ -314,11 +368,48 @@ class Renderer:
             poses = views.poses_on(self.scene.device)
             for name in self._computed:
                 inputs = {needed: as_image(exact[needed]) for needed in needs_of(name, self.scene)}
-                frame = Frame(self.scene, self._exact_camera, poses, views.worlds, inputs, self.threads)
-                compute_output(name, frame, as_image(images[name]))
+                frame = Frame(self.scene, self._exact_camera, poses, views.worlds, inputs, self.threads, views.pixels)
+                if self.lighting == "vertex":
+                    frame = replace(frame, lighting=self.lighting)
+                if views.appearances is not None:
+                    frame = replace(frame, appearances=views.appearances)
+                if name == "color" and self.shadows and self.scene.lights:
+                    frame = replace(frame, shadows=cast_shadows(frame, self.caster, scratch))
+                if name == "color" and self.ambient_occlusion is not None and self.scene.lights:
+                    occlusion = cast_occlusion(frame, self.ambient_occlusion, self.caster, scratch)
+                    frame = replace(frame, occlusion=occlusion)
+                compute_output(name, frame, as_image(images[name]), scratch)
+                if name == "color" and self.reflections:
+                    self._add_mirrors(frame, views, as_image(images[name]), scratch)
+                if name == "color" and is_layered(frame):
+                    blend_layers(frame, as_image(images[name]), self.caster, self._options, scratch)
+                if name == "color" and self.samples > 1 and views.pixels is None:
+                    smooth_edges(self.samples, views, exact, images[name], self._color_points, scratch)
         if self._sensing is not None:
             self._sensing.measure(views, every, scratch)
         self._fill_depth(images)
+
+    def _add_mirrors(self, frame: Frame, views: ViewBatch, color: wp.array, scratch: Scratch) -> None:
+        """Add mirror images to colors."""
+        mirrors = self.scene.mirrors()
+        if mirrors is None:
+            return
+        if self._mirrored is None:
+            camera = flipped_camera(self._exact_camera)
+            self._mirrored = camera, self._make_caster(camera)
+        for mirror in self._choose_mirrors(mirrors.planes):
+            add_mirror(frame, views, mirror, mirrors, *self._mirrored, self._options, scratch, color)
+
+    def _choose_mirrors(self, planes: Sequence[Mirror]) -> Sequence[Mirror]:
+        """Return the planes that mirror."""
+        return planes
+
+    def _color_points(self, views: ViewBatch, color: wp.array) -> None:
+        """Write the colors of image points."""
+        inner = object.__new__(type(self))
+        inner.__dict__.update(self.__dict__, sensor=None, _sensing=None)
+        inner.outputs = ("color",)
+        inner._run(views, {"color": color})
 
     def _cast(self, views: ViewBatch, images: ImagesByName) -> None:
         caster = self._moving_caster() if type(views.poses) is MovingPoses else self._caster
@@ -348,6 +439,7 @@ class Renderer:
         object_scales: ObjectScales = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
+        appearances: WorldAppearances | None = None,
         convention: Convention | None = None,
         quaternion: QuaternionOrder = "xyzw",
         out: Views | None = None,
@@ -365,6 +457,7 @@ class Renderer:
             object_scales: As for `render`.
             world_index: As for `render`.
             exclude: As for `render`.
+            appearances: As for `render`.
             convention: As for `render`.
             quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
             out: Results of an earlier call to write into, of the same shape.
@@ -383,10 +476,10 @@ class Renderer:
         object_poses = to_xyzw(object_poses, quaternion, "object_poses")
         self.scene.require_objects()
         poses = self._caster.parse_poses(camera_to_world, self.camera.axes if convention is None else convention)
-        worlds = parse_worlds(self.scene, len(poses), object_poses, world_index, exclude, object_scales)
         axes = ("Y", "X") if count_axes(pixels, wp.vec2) == 3 else ("N",)
         points = as_warp(pixels, wp.vec2, (len(poses), *axes), name="pixels", device=self.scene.device)
-        views = ViewBatch(poses, worlds, pixels=as_image(points))
+        options = world_index, exclude, object_scales
+        views = self._view_batch(poses, object_poses, options, appearances, as_image(points))
         result = views_for(self._outputs, points.shape, self.scene.device, out)
         self._run(views, self._images_of(result))
         return result
@@ -429,6 +522,12 @@ class Renderer:
     def _bytes_per_pixel(self) -> int:
         lacking = [_output_of(name) for name in self._lacking()]
         extra = 0 if self.sensor is None else self.sensor.bytes_per_pixel
+        if "color" in self._computed and self.shadows:
+            extra += count_shadows(self.scene.lights)
+        if "color" in self._computed and self.ambient_occlusion is not None:
+            extra += 1
+        if "color" in self._computed and self.reflections and self.scene.mirrors() is not None:
+            extra += pixel_bytes(["color", *needs_of("color", self.scene)])
         return extra + pixel_bytes([*self._outputs, *lacking])
 
     def _run_in_parts(self, views: ViewBatch, images: ImagesByName) -> None:
@@ -455,10 +554,16 @@ def render(
     cull_backfaces: bool = False,
     near_plane: NearPlane = "occlude",
     fill: Fill = "inf",
+    shadows: bool = True,
+    reflections: bool = True,
+    lighting: Lighting = "pixel",
+    ambient_occlusion: AmbientOcclusion | None = None,
+    samples: int = 1,
     object_poses: ObjectPoses | Motion = None,
     object_scales: ObjectScales = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
+    appearances: WorldAppearances | None = None,
     convention: Convention | None = None,
     quaternion: QuaternionOrder = "xyzw",
     sensor: DepthSensor | None = None,
@@ -483,6 +588,11 @@ def render(
         cull_backfaces=cull_backfaces,
         near_plane=near_plane,
         fill=fill,
+        shadows=shadows,
+        reflections=reflections,
+        lighting=lighting,
+        ambient_occlusion=ambient_occlusion,
+        samples=samples,
         sensor=sensor,
         seed=seed,
         threads=threads,
@@ -496,6 +606,7 @@ def render(
         object_scales=object_scales,
         world_index=world_index,
         exclude=exclude,
+        appearances=appearances,
         convention=convention,
         quaternion=quaternion,
         frame=frame,

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from warpvis.scene import lights, materials, solids
+from warpvis.scene import lights, materials, randomization, solids, world_appearances
 from warpvis.scene._mesh import Mesh as Mesh, keep_winding as keep_winding
 from warpvis.scene._object import (
     SceneObject as SceneObject,
@@ -19,5 +19,7 @@ from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 __all__ = [
     "lights",
     "materials",
+    "randomization",
     "solids",
+    "world_appearances",
 ]

@@ -38,6 +38,8 @@ class Mesh:
     replayed CUDA graph, too."""
     uses: int = 0
     """Number of static objects that share it."""
+    normals: wp.array | None = field(default=None, repr=False)
+    """Shading normals of the corners of deforming faces on the device, ``(m, 3)`` vec3; None if they do not follow."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the arrays of the host."""

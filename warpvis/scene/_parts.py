@@ -128,8 +128,9 @@ class FileParts:
         objects = []
         for part, pose in zip(parts, poses, strict=True):
             label = labels.label(part.name, part.label, part.aliases)
-            mesh = part.mesh if pose is not None else _rotated_mesh(part, upright)
-            objects.append(replace(part, mesh=mesh, pose=pose, label=label))
+            if pose is None:
+                part = _rotated(part, upright)
+            objects.append(replace(part, pose=pose, label=label))
         labels.require_used((part.name for part in self.parts), self.path)
         return objects
 
@@ -143,7 +144,7 @@ class FileParts:
         rotation = np.eye(3) if upright is None else upright[:3, :3]
         factor = float(np.max(check_scale(scale, str(self.path))))
         lights = tuple(light.moved(rotation, factor) for light in self.lights)
-        return lights, None if self.background is None else self.background.rotated(rotation)
+        return lights, None if self.background is None else self.background.rotated(rotation, factor)
 
     def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
         """Return the rotation from the file's vertical axis to the scene's; None for the identity."""
@@ -175,15 +176,25 @@ def _with_uniform_pose(part: Part, uniform: bool) -> Part:
     if part.pose is None or isinstance(part.mesh, Solid) or (uniform and (part.has_frame or not part.movable)):
         return part
     vertices, faces = part.mesh
-    return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None)
+    appearance = _transformed(part.appearance, poses_to_matrices(part.pose)[:3, :3])
+    return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None, appearance=appearance)
 
 
-def _rotated_mesh(part: Part, upright: NDArray[np.float64] | None) -> _Shape:
-    """Return the mesh of a part without a pose, rotated upright."""
+def _rotated(part: Part, upright: NDArray[np.float64] | None) -> Part:
+    """Return a part without a pose, rotated upright."""
     if upright is None or isinstance(part.mesh, Solid):
-        return part.mesh
+        return part
     vertices, faces = part.mesh
-    return np.asarray(vertices) @ upright[:3, :3].T, faces
+    rotation = upright[:3, :3]
+    appearance = _transformed(part.appearance, rotation)
+    return replace(part, mesh=(np.asarray(vertices) @ rotation.T, faces), appearance=appearance)
+
+
+def _transformed(appearance: Appearance | LazyAppearance | None, linear: NDArray[np.float64]) -> LazyAppearance | None:
+    """Return the appearance of a transformed mesh."""
+    if isinstance(appearance, Appearance):
+        appearance = LazyAppearance(None, appearance)
+    return None if appearance is None else appearance.transformed(linear)
 
 
 def _rotated_poses(

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,20 +25,23 @@ from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene._mesh import MeshCache
 from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, bounds_of, detach_all, take_snapshot
 from warpvis.scene._parts import instance_runs, label_metadata
-from warpvis.scene._updates import as_deforming, parse_vertices, place_object, read_mesh, with_mesh
+from warpvis.scene._updates import as_deforming, parse_normals, parse_vertices, place_object, read_mesh, with_mesh
 from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees
 from warpvis.scene.acceleration.traversal_plan import plan_traversal
-from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.appearances import LazyAppearance, choose_appearance
 from warpvis.scene.lights import Background, Light
-from warpvis.scene.materials import AppearanceLike
+from warpvis.scene.materials import Appearance, AppearanceLike, Material
 
 if TYPE_CHECKING:
     import trimesh
 
     from warpvis.kernels.shading.base_colors import DeviceMaterials
     from warpvis.kernels.shading.lighting import Lights
+    from warpvis.scene._device_materials import MaterialTables
     from warpvis.scene._parts import FileParts
+    from warpvis.scene.device_sky import DeviceSkies
+    from warpvis.scene.mirror_planes import Mirrors
 
 
 class Scene:
@@ -80,6 +84,10 @@ class Scene:
         self.cached_rays: dict[Hashable, OnceCache] = {}
         self._lock = Lock()
         self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
+        self._skies: dict[bool, tuple[tuple[Background | None, ...], DeviceSkies]] = {}
+        # The last tables, whose columns are used again where they do not change.
+        self._material_tables: MaterialTables | None = None
+        self._has_all_planes = False
         # Data derived from the objects, until these change.
         self._derived: dict[str, Any] = {}
 
@@ -103,7 +111,8 @@ class Scene:
         Every named part of the file becomes one object, in the file's order. Its label is taken from `labels`, else
         from the file (``"label"`` in the ``extras`` of a glTF node or mesh), else it is `Label.OBSTACLE`. For Webots
         worlds (``.wbt``), see `warpvis.webots.load_webots` about names, labels, and devices; for MJCF (``.xml``) and
-        URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`.
+        URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`. A mesh file without lights gets a
+        headlight (`scene.lights.HEADLIGHT`), which affects the output ``color`` only.
 
         Args:
             path: The file.
@@ -261,7 +270,7 @@ class Scene:
         """Return the index of the object with the given name."""
         return self._objects.index_of(name)
 
-    def update_vertices(self, name: str, vertices: ArrayInput) -> None:
+    def update_vertices(self, name: str, vertices: ArrayInput, *, normals: ArrayInput | None = None) -> None:
         """Move the vertices of a movable object; its triangles are unchanged.
 
         The first call for an object gives it a separate tree without back-face culling and replaces a round solid by
@@ -281,10 +290,13 @@ class Scene:
             vertices: Corners in the object's frame [m], as many as before, shape ``(n, 3)``: a host array or one on
                 the scene's GPU; or `wp.vec3` of shape ``(n,)``. The scale that the object was added with is not
                 applied again.
+            normals: Shading normals for the output ``color``, as for `scene.materials.Appearance`: of the corners of
+                the triangles, shape ``(m, 3, 3)``, or of the vertices, ``(n, 3)``. By default the triangles are flat.
         """
         index = self.index(name)
         self._objects.require_deformable(index)
         parsed = parse_vertices(vertices, self._objects[index], self.device)
+        shading = None if normals is None else parse_normals(normals, self._objects[index])
         with self._lock:
             item = self._objects[index]
             if item.points is None:
@@ -292,6 +304,31 @@ class Scene:
                 self._forget()
             wp.copy(item.points, parsed)
             self._trees.refit(index)
+            if (shading is None) != (item.mesh.normals is None):
+                empty = None if shading is None else wp.empty(shading.shape, dtype=wp.vec3, device=self.device)
+                item.mesh.normals = empty
+                self._derived.pop("materials", None)
+            if shading is not None:
+                wp.copy(item.mesh.normals, shading)
+
+    def set_appearance(self, name: str, appearance: AppearanceLike | LazyAppearance | None) -> None:
+        """Change the appearance of an object; the scene's trees are not rebuilt.
+
+        Args:
+            name: The object's name.
+            appearance: As for `add`; None for white.
+
+        Raises:
+            SceneError: If there is no such object, or the appearance does not fit its mesh.
+        """
+        index = self.index(name)
+        item = self._objects[index]
+        counts = len(item.mesh.source), len(item.mesh.source_faces)
+        chosen = choose_appearance(appearance, None, name, counts)
+        with self._lock:
+            self._objects[index] = replace(item, lazy_appearance=chosen)
+            for key in ("objects", "materials", "isolated", "mirrors"):
+                self._derived.pop(key, None)
 
     def update_mesh(
         self, name: str, vertices: ArrayInput, faces: ArrayInput | None = None, *, closed: bool = False
@@ -373,7 +410,7 @@ class Scene:
 
     @property
     def lights(self) -> tuple[Light, ...]:
-        """Lights in the world's frame, as loaded from a file or set; none by default.
+        """Lights in the world's frame, as loaded from a file or set; none by default, without which colors are unlit.
 
         They shade the output ``color``. Lights that a file attaches to moving bodies stay at their initial positions.
         """
@@ -530,16 +567,50 @@ class Scene:
 
     def device_materials(self, background: Background | None) -> DeviceMaterials:
         """Return the device materials of the objects, created on first use after a change."""
+        return self.device_alternatives(background, ())[0]
+
+    def device_alternatives(
+        self, background: Background | None, alternatives: Sequence[tuple[int, Material | Appearance]]
+    ) -> tuple[DeviceMaterials, list[int]]:
+        """Return the device materials with alternative appearances of objects.
+
+        Args:
+            background: What pixels show that see no object.
+            alternatives: Objects with other appearances, or with other materials on their meshes.
+
+        Returns:
+            The materials, and the entry in them of each alternative.
+        """
         from warpvis.scene._device_materials import MaterialTables, set_background
 
         objects, movable = self.objects, self.movable
         with self._lock:
-            materials, deforms = self._derived.get("materials", (None, True))
-            if deforms:
-                tables = MaterialTables(objects, movable, self.device)
-                materials, _ = self._derived["materials"] = tables.struct(), tables.deforms
+            tables = self._derived.get("materials")
+            if tables is None or tables.stretches:
+                options = {"has_all_planes": self._has_all_planes}
+                tables = MaterialTables(objects, movable, self.device, self._material_tables, **options)
+                self._derived["materials"] = self._material_tables = tables
+            entries = [tables.entry(index, alternative) for index, alternative in alternatives]
+            materials = tables.struct()
             set_background(materials, background)
-            return materials
+            return materials, entries
+
+    def mirrors(self) -> Mirrors | None:
+        """Return the planes that mirror, found on first use after a change; None without any."""
+        from warpvis.scene.mirror_planes import find_mirrors
+
+        objects, movable = self.objects, self.movable
+        with self._lock:
+            if "mirrors" not in self._derived:
+                self._derived["mirrors"] = find_mirrors(objects, movable, self.device)
+            return self._derived["mirrors"]
+
+    def require_planes(self) -> None:
+        """Include the triangles of all meshes in the device materials from now on, which light at vertices needs."""
+        with self._lock:
+            if not self._has_all_planes:
+                self._has_all_planes = True
+                self._derived.pop("materials", None)
 
     def device_lights(self, lights: tuple[Light, ...]) -> Lights:
         """Return the lights on the device, created on first use after they were changed."""
@@ -549,6 +620,16 @@ class Scene:
             if self._device_lights is None or self._device_lights[0] != lights:
                 self._device_lights = lights, pack_lights(lights, self.device)
             return self._device_lights[1]
+
+    def device_skies(self, background: Background | None, others: tuple[Background, ...] = ()) -> DeviceSkies:
+        """Return the sky of the background and others that worlds may have, copied to the device after a change."""
+        from warpvis.scene.device_sky import pack_skies
+
+        key, kind = (background, *others), bool(others)
+        with self._lock:
+            if kind not in self._skies or self._skies[kind][0] != key:  # backgrounds are compared by identity
+                self._skies[kind] = key, pack_skies(background, others, self.device)
+            return self._skies[kind][1]
 
     def object_labels(self) -> wp.array:
         """Return the objects' labels on the scene's device, shape ``(objects,)`` uint8."""
@@ -578,6 +659,8 @@ class Scene:
         """Drop the trees and all other data derived from the objects, since they have changed."""
         self._trees.forget(cache_next=cache_next)
         self._derived = {}
+        if not cache_next:
+            self._material_tables = None
 
 
 def require_scene(scene: object) -> Scene:

@@ -17,7 +17,7 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.scene._mesh import Mesh, MeshCache, check_indices, check_mesh, check_values
 from warpvis.scene._object import IDENTITY, ObjectList, SceneObject, attach, check_scale
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
-from warpvis.scene.materials import AppearanceLike
+from warpvis.scene.materials import Appearance, AppearanceLike
 from warpvis.scene.solids import Solid
 
 
@@ -32,7 +32,10 @@ def read_mesh(
     factors = check_scale(scale, name)
     shared = meshes.get(mesh, factors, name)
     solid = mesh.scaled(factors) if isinstance(mesh, Solid) else None
-    return shared, solid, choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
+    shown = choose_appearance(appearance, mesh, name, (len(shared.vertices), len(shared.faces)))
+    if shown is not None and (factors != factors.flat[0]).any():
+        shown = shown.transformed(np.diag(factors))
+    return shared, solid, shown
 
 
 def place_object(item: SceneObject, objects: ObjectList, *, movable: bool) -> SceneObject:
@@ -81,6 +84,18 @@ def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -
     return result
 
 
+def parse_normals(normals: ArrayInput, item: SceneObject) -> wp.array:
+    """Convert shading normals of an object to those of the corners of its faces, ``(m, 3)`` vec3 on the host."""
+    try:
+        found = Appearance(normals=as_numpy(normals, name=f"normals of {item.name!r}"))
+    except ArrayError as error:
+        raise SceneError(str(error)) from None
+    found.check_fits(len(item.mesh.source), len(item.mesh.source_faces), item.name)
+    rows = found.corner_normals(item.faces)
+    assert rows is not None
+    return wp.array(np.ascontiguousarray(rows), dtype=wp.vec3, device="cpu", copy=False)
+
+
 def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None, device: wp.Device) -> SceneObject:
     """Return a detached object with another mesh, in its own frame if it is movable, else in the world's."""
     name, appearance = item.name, item.lazy_appearance
@@ -94,7 +109,8 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
             raise SceneError(f"vertices of {name!r} must lie within 1e18 m of {origin}")
         mesh = Mesh(np.ascontiguousarray(corners, dtype=np.float32), triangles)
         is_alike = len(corners) == len(item.mesh.source) and np.array_equal(triangles, item.faces)
-    appearance = appearance if appearance is None or is_alike else appearance.for_any_mesh()
+    if appearance is not None:
+        appearance = appearance.without_normals() if is_alike else appearance.for_any_mesh()
     return SceneObject(name, item.label, mesh, item.pose, lazy_appearance=appearance)
 
 

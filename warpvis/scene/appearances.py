@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Deferred appearances: trimesh's visuals are stored, and converted on first use."""
+"""Deferred appearances: trimesh's visuals and vertex normals of files are stored, and converted on first use."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import describe_exception
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import WarpvisError
+from warpvis.scene._pixels import pixels_or_white
 from warpvis.scene.materials import (
     Appearance,
     AppearanceLike,
@@ -22,8 +23,8 @@ from warpvis.scene.materials import (
     Material,
     Texture,
     as_appearance,
-    pixels_or_white,
 )
+from warpvis.scene.normals import replace_arrays, replace_invalid, transform_appearance
 
 _DEFAULT_COLOR = (102, 102, 102, 255)
 """trimesh's default for colors that a SimpleMaterial does not define."""
@@ -38,9 +39,12 @@ class LazyAppearance:
         found: Appearance | None = None,
         *,
         fits_any_mesh: bool = False,
+        has_colors: bool = True,
     ) -> None:
         """Store the function or the appearance, and whether it is valid for any mesh."""
         self._make, self._found, self._fits_any_mesh = make, found, fits_any_mesh
+        self.has_colors = has_colors
+        """False if it has normals only, and no materials or colors."""
         self._lock = threading.Lock()
 
     def get(self) -> Appearance | None:
@@ -55,6 +59,25 @@ class LazyAppearance:
         if self._fits_any_mesh:
             return self
         return LazyAppearance(lambda: (found := self.get()) and found.for_any_mesh(), fits_any_mesh=True)
+
+    def transformed(self, linear: NDArray[np.float64]) -> LazyAppearance:
+        """Return the appearance of a mesh transformed by a linear map, shape ``(3, 3)``; see `transform_appearance`."""
+        if np.array_equal(linear, np.eye(3)):
+            return self
+        return self._changed(lambda found: transform_appearance(found, linear))
+
+    def without_normals(self) -> LazyAppearance:
+        """Return the appearance of a mesh whose vertices were changed."""
+
+        def change(found: Appearance) -> Appearance:
+            if found.normals is None and found.vertex_grid is None:
+                return found
+            return replace_arrays(found, normals=None, vertex_grid=None)
+
+        return self._changed(change)
+
+    def _changed(self, change: Callable[[Appearance], Appearance]) -> LazyAppearance:
+        return LazyAppearance(lambda: (found := self.get()) and change(found), has_colors=self.has_colors)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle as the appearance itself."""
@@ -86,6 +109,66 @@ def choose_appearance(
     return LazyAppearance(lambda: _from_visual(parts, name, counts, color_space))
 
 
+class FileNormals:
+    """Vertex normals of a file's meshes; invalid ones cause one warning per file."""
+
+    def __init__(self, file: str) -> None:
+        """Store the name of the file for the warning."""
+        self._file, self._has_warned = file, False
+
+    def add(
+        self,
+        appearance: LazyAppearance | None,
+        name: str,
+        read: Callable[[], NDArray[np.generic]],
+        mesh: Callable[[], tuple[NDArray[np.floating], NDArray[np.integer]]] | None,
+    ) -> LazyAppearance:
+        """Return an appearance with normals of vertices.
+
+        Args:
+            appearance: The appearance without normals.
+            name: Name of the mesh in the warning.
+            read: Returns the normals, shape ``(n, 3)``. It may raise any exception.
+            mesh: Returns the vertices, shape ``(n, 3)``, and the triangles, ``(m, 3)``; None if all normals are valid.
+        """
+
+        def make() -> Appearance | None:
+            found = None if appearance is None else appearance.get()
+            rows = self._read(name, read, mesh)
+            if rows is None or found is None:
+                return found if rows is None else Appearance(normals=rows)
+            return replace_arrays(found, normals=rows)
+
+        return LazyAppearance(make, has_colors=appearance is not None and appearance.has_colors)
+
+    def _read(
+        self,
+        name: str,
+        read: Callable[[], NDArray[np.generic]],
+        mesh: Callable[[], tuple[NDArray[np.floating], NDArray[np.integer]]] | None,
+    ) -> NDArray[np.float32] | None:
+        """Return valid normals; None if none is."""
+        reason, normals = "", None
+        try:
+            rows: NDArray[Any] = read()
+            valid: NDArray[Any] | None = rows
+            if mesh is not None:
+                vertices, faces = mesh()
+                if rows.shape != vertices.shape:
+                    raise ValueError(f"there must be one for each of {len(vertices)} vertices, got {rows.shape}")
+                valid, count = replace_invalid(rows, vertices, faces)
+                reason = f"{count} of {len(vertices)} are 0 or not finite" if count else ""
+            normals = None if valid is None else Appearance(normals=valid).normals
+        except Exception as error:  # malformed files may raise any exception
+            reason = truncate(describe_exception(error))
+        if reason and not self._has_warned:
+            self._has_warned = True
+            warn_user(
+                f"{self._file}: using face normals where vertex normals of {name} are invalid: {reason}", UserWarning
+            )
+        return normals
+
+
 def _parts_of(visual: Any) -> dict[str, Any] | None:
     """Return the current arrays of a trimesh visual, which trimesh replaces and rarely modifies in place."""
     stored = getattr(getattr(visual, "_data", None), "data", None)
@@ -104,9 +187,9 @@ def _from_visual(
     try:
         materials = _materials(parts.pop("material", None))
         if color_space is not None:
-            materials = tuple(replace(item, color_space=color_space) for item in materials)
+            materials = tuple(replace(item, color_space=color_space, shading="phong") for item in materials)
         arrays = {key: np.asarray(value) for key, value in parts.items() if value is not None}
-        found = Appearance(materials, **arrays)
+        found = Appearance(materials, **arrays)  # type: ignore[arg-type]  # the names of `_parts_of`
         found.check_fits(*counts, name)
     except (WarpvisError, TypeError, ValueError, AttributeError) as error:  # other libraries may raise these
         warn_user(f"the colors of {name!r} are ignored: {describe_exception(error)}", UserWarning)
@@ -137,6 +220,11 @@ def _material(source: Any) -> Material:
             roughness=_or(source.roughnessFactor, 1.0),
             emission=_unit_color(source.emissiveFactor, (0.0, 0.0, 0.0))[:3],
             double_sided=bool(source.doubleSided),
+            shading="pbr",
+            metallic_roughness_texture=_texture(source.metallicRoughnessTexture, name, "linear"),
+            normal_texture=_texture(source.normalTexture, name, "linear"),
+            occlusion_texture=_texture(source.occlusionTexture, name, "linear"),
+            emissive_texture=_texture(source.emissiveTexture, name),
         )
     image = getattr(source, "image", None)
     color = _simple_color(getattr(source, "diffuse", None), (1.0, 1.0, 1.0, 1.0), image is not None)
@@ -170,6 +258,8 @@ def _simple_color(color: Any, otherwise: tuple[float, ...], may_be_default: bool
     return _unit_color(color, otherwise)
 
 
-def _texture(image: Any, name: str) -> Texture | None:
+def _texture(image: Any, name: str, color_space: ColorSpace = "srgb") -> Texture | None:
     """Convert a Pillow image. trimesh flips v upwards, and stores neither wrap modes nor filters."""
-    return None if image is None else Texture(pixels_or_white(image, name or "a texture"), name)
+    if image is None:
+        return None
+    return Texture(pixels_or_white(image, name or "a texture"), name, color_space=color_space)

@@ -7,26 +7,21 @@
 
 from __future__ import annotations
 
-import io
+import copy
 import os
-import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpvis.core.checks import check_choice, check_flag, check_number, describe_exception
-from warpvis.core.user_warnings import warn_user
+from warpvis.core.checks import check_choice, check_flag, check_number
 from warpvis.errors import SceneError
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
-WHITE = np.full((1, 1, 3), 255, dtype=np.uint8)
-"""Replaces an image that cannot be read: the material's base color is unchanged."""
+from warpvis.scene._pixels import pixels_or_white
+from warpvis.scene.vertex_grids import VertexGrid
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 """A texture outside of 0 to 1: repeated, repeated with every other copy mirrored, or clamped to its edge."""
@@ -41,6 +36,14 @@ Projection = Literal["uv", "plane", "cube"]
 """Source of a texture's coordinates: those of the faces; x and y of the object's frame [m]; or the direction from its
 origin, in six images of a cube map, one below the other, as in OpenGL and `lights.cube_coordinates`: +x, -x, +y, -y,
 +z, -z (right, left, up, down, front, back)."""
+
+MaterialMap = Literal["metallic_roughness_texture", "normal_texture", "occlusion_texture", "emissive_texture"]
+"""A texture of a `Material` apart from that of its base color."""
+
+Shading = Literal["phong", "pbr", "webots"]
+"""How a material reflects light: ``"phong"``, by its base color, with Blinn-Phong highlights (`specular`, `shininess`);
+``"pbr"``, by its base color, `metallic` and `roughness`, and all of its maps (appendix B of glTF 2.0); or ``"webots"``,
+as ``"pbr"`` in the variant of Webots' PBRAppearance."""
 
 ColorSpace = Literal["srgb", "linear"]
 """Whether colors are in sRGB, as on screens and in image files, or linear, proportional to light."""
@@ -118,22 +121,48 @@ class Material:
     """Minimum visible opacity with the mode ``"mask"``."""
     metallic: float = 0.0
     roughness: float = 1.0
-    """Both from 0 to 1, as in glTF."""
+    """Both from 0 to 1, as in glTF; of the shading ``"pbr"``."""
     specular: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Color of the Blinn-Phong highlight."""
     shininess: float = 0.0
     """Exponent of the Blinn-Phong highlight."""
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Color of emitted light; may exceed 1."""
+    reflectance: float = 0.0
+    """Fraction of a mirror image that flat, opaque surfaces add to their color, from 0 to 1, as in MuJoCo."""
     double_sided: bool = True
-    """Whether both sides of a face are rendered. Depth does not depend on it."""
+    """Whether both sides of a face are rendered, for masks and blended surfaces. Depth does not depend on it."""
     projection: Projection = "uv"
     """Source of the texture's coordinates."""
     texture_repeat: tuple[float, float] = (1.0, 1.0)
     """Repetitions of the texture in u and v: factors of the coordinates."""
+    blends_twice: bool = False
+    """Whether a surface of the mode ``"blend"`` is blended twice, as in MuJoCo's renderer: transparent surfaces are
+    drawn front to back, and then back to front. If a world gives it another color, that color's opacity counts."""
     texture_uniform: bool = False
     """Whether directions in a cube map point to the actual shape; if false, as in MuJoCo, the shape is first normalized
     to equal size along all axes."""
+    texture_stretch: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Factors of directions in a cube map along the axes of the object's frame."""
+    metallic_roughness_texture: Texture | None = None
+    """Factors of `roughness` (green) and `metallic` (blue). The maps are as in glTF, require the shading ``"pbr"``, and
+    use the texture coordinates of `Appearance.map_uv`; all but that of emission are linear."""
+    normal_texture: Texture | None = None
+    """Normals in tangent space: 0 to 255 is -1 to 1; x and y are multiplied by `normal_scale`."""
+    normal_scale: float = 1.0
+    occlusion_texture: Texture | None = None
+    """Fraction of ambient light that reaches the surface (red)."""
+    occlusion_strength: float = 1.0
+    """Effect of the `occlusion_texture`, from 0 to 1."""
+    emissive_texture: Texture | None = None
+    """Factors of `emission`. With the shading ``"phong"``, a material with this texture does not emit light."""
+    shading: Shading = "phong"
+    """How it reflects light. Readers of glTF choose ``"pbr"``."""
+    ambient_strength: float = 1.0
+    """Factor of ambient light, of the shading ``"pbr"``."""
+    tone_mapped: bool = False
+    """Whether the sum x of linear light is displayed as ``(1 - exp(-x)) ** (1 / 2.2)``, as in Webots at an exposure of
+    1, instead of as an sRGB color that is clipped."""
 
     def __post_init__(self) -> None:
         subject = f"material {self.name!r}" if self.name else "a material"
@@ -145,17 +174,26 @@ class Material:
         check_choice(self.color_space, "color_space", get_args(ColorSpace), SceneError)
         check_choice(self.alpha_mode, "alpha_mode", get_args(AlphaMode), SceneError)
         check_choice(self.projection, "projection", get_args(Projection), SceneError)
+        check_choice(self.shading, "shading", get_args(Shading), SceneError)
         put("texture_repeat", check_color(self.texture_repeat, f"texture_repeat of {subject}", (2,), maximum=np.inf))
+        stretch = check_color(self.texture_stretch, f"texture_stretch of {subject}", (3,), maximum=np.inf)
+        put("texture_stretch", stretch)
         put("texture_uniform", check_flag(self.texture_uniform, "texture_uniform", SceneError))
-        for name, upper in (("metallic", 1.0), ("roughness", 1.0), ("shininess", np.inf), ("alpha_cutoff", np.inf)):
+        put("normal_scale", check_number(self.normal_scale, f"normal_scale of {subject}", error=SceneError))
+        fractions = ("metallic", "roughness", "occlusion_strength", "reflectance")
+        others = ("shininess", "alpha_cutoff", "ambient_strength")
+        for name, upper in {**dict.fromkeys(fractions, 1.0), **dict.fromkeys(others, np.inf)}.items():
             value = check_number(getattr(self, name), f"{name} of {subject}", error=SceneError)
             if not 0 <= value <= upper:
                 expected = "at least 0" if upper == np.inf else "from 0 to 1"
                 raise SceneError(f"{name} of {subject} must be {expected}, got {value:g}")
             put(name, float(value))
-        put("double_sided", check_flag(self.double_sided, "double_sided", SceneError))
-        if self.texture is not None and not isinstance(self.texture, Texture):
-            raise SceneError(f"texture of {subject} must be a Texture, got {type(self.texture).__name__}")
+        for flag in ("double_sided", "blends_twice", "tone_mapped"):
+            put(flag, check_flag(getattr(self, flag), flag, SceneError))
+        for name in ("texture", *get_args(MaterialMap)):
+            texture = getattr(self, name)
+            if texture is not None and not isinstance(texture, Texture):
+                raise SceneError(f"{name} of {subject} must be a Texture, got {type(texture).__name__}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,6 +213,11 @@ class Appearance:
     normals: NDArray[np.float32] | None = field(default=None, repr=False)
     """Shading normals of each corner of each face, shape ``(m, 3, 3)``, or of each vertex, ``(n, 3)``, in the mesh's
     frame, of any length but 0; None for flat shading."""
+    vertex_grid: VertexGrid | None = field(default=None, repr=False)
+    """Cells at whose corners light is computed with ``lighting="vertex"``; None for the triangles of the mesh."""
+    map_uv: Mapping[MaterialMap, NDArray[np.float32]] = field(default_factory=dict, repr=False)
+    """Texture coordinates of other maps of the materials, by their field, where they differ from `uv`; shapes as of
+    `uv`."""
 
     def __post_init__(self) -> None:
         materials = (self.materials,) if isinstance(self.materials, Material) else self.materials
@@ -195,6 +238,9 @@ class Appearance:
             value = getattr(self, name)
             if value is not None:
                 object.__setattr__(self, name, check(_array(value, name), name))
+        object.__setattr__(self, "map_uv", _check_map_uv(self.map_uv))
+        if self.vertex_grid is not None and not isinstance(self.vertex_grid, VertexGrid):
+            raise SceneError(f"vertex_grid must be a VertexGrid or None, got {shown(self.vertex_grid)}")
 
     def _check_face_materials(self, rows: np.ndarray, name: str) -> NDArray[np.int32]:
         if rows.ndim != 1 or rows.dtype.kind not in "iu":
@@ -209,22 +255,32 @@ class Appearance:
         """Raise a `SceneError` unless it fits a mesh of this number of vertices and faces."""
         per_face, per_vertex = (faces, "faces"), (vertices, "vertices")
         lengths = {"face_materials": per_face, "vertex_colors": per_vertex, "face_colors": per_face}
-        for key in ("uv", "normals"):
-            rows = getattr(self, key)
-            if rows is not None:
-                lengths[key] = per_vertex if rows.ndim == 2 else per_face
-        for key, (count, noun) in lengths.items():
-            rows = getattr(self, key)
-            if rows is not None and len(rows) != count:
+        arrays = {key: getattr(self, key) for key in ("uv", "normals", *lengths)}
+        arrays |= {f"map_uv[{key!r}]": rows for key, rows in self.map_uv.items()}
+        for key, rows in arrays.items():
+            if rows is None:
+                continue
+            count, noun = lengths.get(key, per_vertex if rows.ndim == 2 else per_face)
+            if len(rows) != count:
                 raise SceneError(f"{key} of {name!r} must be one for each of its {count} {noun}, got {len(rows)}")
 
-    def corner_uv(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
-        """Return texture coordinates of each corner of the mesh's faces, shape ``(m, 3, 2)``; None if it has none."""
-        return self.uv if self.uv is None or self.uv.ndim == 3 else self.uv[faces]
+    def corner_uv(self, faces: NDArray[np.integer], map: MaterialMap | None = None) -> NDArray[np.float32] | None:
+        """Return texture coordinates of each corner of the mesh's faces, shape ``(m, 3, 2)``; None if it has none.
+
+        They are those of the materials' base color textures, or of another `map`.
+        """
+        rows = self.uv if map is None else self.map_uv.get(map, self.uv)
+        return rows if rows is None or rows.ndim == 3 else rows[faces]
 
     def corner_normals(self, faces: NDArray[np.integer]) -> NDArray[np.float32] | None:
         """Return normals of each corner of the mesh's faces, shape ``(m, 3, 3)``; None if it has none."""
         return self.normals if self.normals is None or self.normals.ndim == 3 else self.normals[faces]
+
+    def with_material(self, material: Material) -> Appearance:
+        """Return the appearance with another first material; its arrays are shared, and not checked again."""
+        changed = copy.copy(self)
+        object.__setattr__(changed, "materials", (material, *self.materials[1:]))
+        return changed
 
     def for_any_mesh(self) -> Appearance:
         """Return the part that is valid for any mesh: its first material."""
@@ -266,6 +322,13 @@ def _check_uv(rows: np.ndarray, name: str) -> NDArray[np.float32]:
     raise SceneError(f"{name} must be finite: {len(bad)} are not, the first at {bad[0]}")
 
 
+def _check_map_uv(given: Mapping[MaterialMap, ArrayLike]) -> dict[MaterialMap, NDArray[np.float32]]:
+    names = get_args(MaterialMap)
+    if not isinstance(given, Mapping) or not all(name in names for name in given):
+        raise SceneError(f"map_uv must be arrays by any of {', '.join(names)}, got {shown(given)}")
+    return {name: _check_uv(_array(rows, f"map_uv[{name!r}]"), f"map_uv[{name!r}]") for name, rows in given.items()}
+
+
 def _check_normals(rows: np.ndarray, name: str) -> NDArray[np.float32]:
     _check_corner_shape(rows, name, 3)
     rows = rows.astype(np.float64)
@@ -296,38 +359,6 @@ def _image(image: ArrayLike, name: str) -> NDArray[np.uint8]:
     if rows.dtype != np.uint8 or rows.ndim != 3 or rows.shape[2] not in (3, 4) or not rows.size:
         raise SceneError(f"{subject} must be uint8 of shape (H, W, 3) or (H, W, 4), got {rows.dtype} {rows.shape}")
     return rows.copy()
-
-
-def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8]:
-    """Decode an image, shape ``(H, W, 3)`` or ``(H, W, 4)``; warn and return `WHITE` if it cannot be read."""
-    from PIL import Image, UnidentifiedImageError
-
-    if source == b"":
-        source = Path()  # the image was not found: opening this fails
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow warns of large images that it still reads
-            if not isinstance(source, bytes | Path):
-                return pixels(source)
-            with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
-                return pixels(image)
-    except Exception as error:  # decoders may raise any exception
-        reason = "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)
-        reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else reason
-        warn_user(
-            f"{name}: cannot be read as an image ({reason}); using white, so that the material's base color shows",
-            UserWarning,
-        )
-        return WHITE.copy()
-
-
-def pixels(image: Image) -> NDArray[np.uint8]:
-    """Return the pixels of a Pillow image, shape ``(H, W, 3)`` or ``(H, W, 4)``: the upper 8 bits of 16."""
-    if image.mode.startswith("I;16"):
-        gray = (np.asarray(image, dtype=np.uint16) >> 8).astype(np.uint8)
-        return np.repeat(gray[:, :, None], 3, axis=2)
-    transparent = "A" in image.mode or "a" in image.mode or "transparency" in image.info
-    return np.asarray(image.convert("RGBA" if transparent else "RGB"), dtype=np.uint8)
 
 
 def as_numbers(value: ArrayLike, message: str) -> np.ndarray:

@@ -32,15 +32,26 @@ def parse_worlds(
     world_index: ArrayInput | None,
     exclude: Excluded,
     object_scales: ObjectScales = None,
+    *,
+    least: int = 1,
 ) -> Worlds:
     """Convert arguments of `Renderer.render` to a `warpvis.kernels.casting.worlds.Worlds`.
 
     The result has no arrays if no object is movable and no argument is given.
 
     Data on a GPU stays there and is not read back: only shapes, dtypes and devices are checked.
+
+    Args:
+        scene: The scene.
+        views: Number of views.
+        object_poses: As for `Renderer.render`, and so are the others.
+        world_index: The world of each view.
+        exclude: Excluded objects.
+        object_scales: Scales of the movable objects.
+        least: Number of worlds that appearances have, or 1: poses and scales of one world are repeated.
     """
     nothing_said = object_poses is None and world_index is None and exclude is None and object_scales is None
-    if nothing_said and not scene.movable:
+    if nothing_said and not scene.movable and least in (1, views):
         return _still_world()
     from warpvis.kernels.casting.worlds import Worlds
 
@@ -48,14 +59,14 @@ def parse_worlds(
     scales = None if object_scales is None else _parse_object_scales(scene, object_scales)
     # If only sizes differ, poses are equal in all worlds.
     repeated = 1 if scales is None or object_poses is not None else scales.shape[0]
-    worlds.object_poses = _parse_object_poses(scene, object_poses, repeated)
+    worlds.object_poses = _repeated(_parse_object_poses(scene, object_poses, repeated), least)
     count = worlds.object_poses.shape[0]
     if scales is not None:
         worlds.object_sizes = _sizes(scene, scales, count)
     if world_index is not None:
         worlds.world = _parse_world(world_index, views, count, scene.device)
     elif count not in (1, views):
-        source = "object_scales" if repeated > 1 else "object_poses"
+        source = "appearances" if least > 1 else "object_scales" if repeated > 1 else "object_poses"
         raise ArrayError(
             f"{source} have {pluralize(count, 'world')} for {pluralize(views, 'view')}; give world_index= for each view"
         )
@@ -63,6 +74,20 @@ def parse_worlds(
     if exclude is not None and not _is_empty(exclude):
         worlds.excluded = _parse_exclude(scene, views, exclude)
     return worlds
+
+
+def _repeated(poses: wp.array, worlds: int) -> wp.array:
+    """Return poses of one world for several worlds; raise an `ArrayError` if they are of another number of worlds."""
+    if worlds == 1 or len(poses) == worlds:
+        return poses
+    if len(poses) != 1:
+        raise ArrayError(
+            f"appearances must be of 1 world or of {len(poses)}, like object_poses, got {worlds}; one row for all "
+            "worlds is enough for what does not differ"
+        )
+    if not poses.size:
+        return wp.empty((worlds, 0), dtype=wp.transform, device=poses.device)
+    return take_rows(poses, np.zeros(worlds, dtype=np.int32))
 
 
 def _is_empty(exclude: object) -> bool:

@@ -6,13 +6,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis import viz
 from warpvis.cameras import as_pinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.poses import check_up, poses_to_matrices, poses_to_opencv
@@ -22,27 +22,34 @@ from warpvis.viz import STATE_COLORS
 if TYPE_CHECKING:
     from viser import SceneApi
 
+    from warpvis.scene import Scene
     from warpvis.viewer._state import Snapshot, ViewerState
 
 
 def agent_colors(names: Iterable[str]) -> dict[str, tuple[int, int, int]]:
-    """Return the color of each agent by name: one for the first agent, and another for all others."""
-    return {name: STATE_COLORS[State.SECOND if number else State.FIRST] for number, name in enumerate(names)}
+    """Return the color of each agent by name."""
+    items = list(names)
+    return dict(zip(items, viz.agent_colors(len(items)), strict=True))
 
-
-"""Colors of the first and the second agent, the same as those of objects that only this agent sees."""
 
 _FRUSTUM_SIZE, _FIELD_SIZE = 0.28, 0.45
 _ARC = 24
 _HIDDEN = (150, 150, 150)
-_DARK_GROUND = (52, 52, 56)
 _POINT_SIZE = 0.32
 """Size of a point, relative to the spacing of points."""
 
 _AGENT_SIZE, _MIN_SIZE, _MAX_SIZE = 0.4, 0.3, 0.6
+_FULL_SIZE = 3.0
+"""Diagonal of the smallest scene in which frusta and handles have their full size [m]."""
 
 
-class _Nodes(ABC):
+def mark_scale(scene: Scene) -> float:
+    """Return the factor of the sizes of frusta and handles in a scene, up to 1."""
+    low, high = scene.bounds.astype(np.float64)
+    return min(1.0, float(np.linalg.norm(high - low)) / _FULL_SIZE)
+
+
+class Nodes(ABC):
     """Nodes that are shown and hidden together."""
 
     @property
@@ -59,98 +66,16 @@ class _Nodes(ABC):
     def _nodes(self) -> list[Any]: ...
 
 
-class Meshes(_Nodes):
-    """Meshes of the scene's objects. Shared meshes are sent once; movable objects are children of frames."""
-
-    def __init__(self, scene: SceneApi, state: ViewerState, *, dark: bool = False) -> None:
-        self._state, self._dark = state, dark
-        self._colors = self._all_colors({})
-        self._frames = [
-            scene.add_frame(f"/moving/{row}", show_axes=False) for row in range(len(state.stage.object_poses))
-        ]
-        self._meshes: dict[int, Any] = {}
-        self._batches: list[tuple[Any, NDArray[np.int64]]] = []
-        shared = defaultdict(list)
-        for index, item in enumerate(state.scene.objects):
-            mesh = item.shared_mesh
-            shared[id(mesh) if mesh is not None else -1 - index].append(index)
-        for indices in shared.values():
-            if len(indices) > 1:
-                self._add_batch(scene, np.array(indices))
-            else:
-                self._add_mesh(scene, indices[0])
-
-    def _all_colors(self, states: dict[str, State]) -> NDArray[np.uint8]:
-        """Return the color of every object; on a dark page, the ground is dark."""
-        colors = self._state.colors(states)
-        if self._dark:
-            ground = self._state.scene.ground_labels
-            dark = [item.label in ground and item.name not in states for item in self._state.scene.objects]
-            colors[np.flatnonzero(dark)] = _DARK_GROUND
-        return colors
-
-    def _add_mesh(self, scene: SceneApi, index: int) -> None:
-        item = self._state.scene.objects[index]
-        vertices, faces = self._state.stage.mesh(item.name)
-        row = int(self._state.stage.columns[index])
-        path = f"/moving/{row}/{index}" if row >= 0 else f"/objects/{index}"
-        color = tuple(self._colors[index].tolist())
-        self._meshes[index] = scene.add_mesh_simple(
-            path,
-            vertices,
-            faces,
-            color=color,
-            flat_shading=True,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-
-    def _add_batch(self, scene: SceneApi, indices: NDArray[np.int64]) -> None:
-        items = [self._state.scene.objects[index] for index in indices]
-        mesh = items[0].shared_mesh
-        assert mesh is not None  # only objects with a shared mesh are batched
-        places = np.array([item.place for item in items], dtype=np.float64)
-        batch = scene.add_batched_meshes_simple(
-            f"/objects/{indices[0]}",
-            mesh.rounded,
-            mesh.faces,
-            batched_wxyzs=places[:, [6, 3, 4, 5]],
-            batched_positions=places[:, :3],
-            batched_colors=self._colors[indices],
-            flat_shading=True,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        self._batches.append((batch, indices))
-
-    def _nodes(self) -> list[Any]:
-        return [*self._meshes.values(), *(batch for batch, _ in self._batches)]
-
-    def show(self, snapshot: Snapshot) -> None:
-        """Update poses and colors, which show which agents see each object."""
-        for frame, pose in zip(self._frames, snapshot.object_poses, strict=True):
-            place(frame, pose)
-        colors = self._all_colors(snapshot.object_states)
-        for index in np.flatnonzero((colors[:-1] != self._colors[:-1]).any(axis=1)).tolist():
-            if index in self._meshes:
-                self._meshes[index].color = tuple(colors[index].tolist())
-        for batch, indices in self._batches:
-            if (colors[indices] != self._colors[indices]).any():
-                batch.batched_colors = colors[indices]
-        self._colors = colors
-
-
 class AgentMark:
     """An agent's view: a frustum with its image, or the borders of a wide field and the frustum of attention."""
 
-    def __init__(self, scene: SceneApi, agent: Agent, color: tuple[int, int, int]) -> None:
-        self._path, self._color = f"/agents/{agent.name}", color
-        self._style = {"color": color, "thickness": 0.008, "cast_shadow": False, "receive_shadow": False}
+    def __init__(self, scene: SceneApi, agent: Agent, color: tuple[int, int, int], scale: float = 1.0) -> None:
+        self._path, self._color, self._scale = f"/agents/{agent.name}", color, scale
+        self._style: dict[str, Any] = {"color": color, "thickness": 0.008 * scale, "scale": scale * _FRUSTUM_SIZE}
+        self._style |= {"cast_shadow": False, "receive_shadow": False}
         self._scene = scene
         self.frame = scene.add_frame(self._path, show_axes=False)
-        scene.add_label(f"{self._path}/name", agent.name, position=(0, -0.15, 0), anchor="bottom-center")
+        scene.add_label(f"{self._path}/name", agent.name, position=(0, -0.15 * scale, 0), anchor="bottom-center")
         self._camera: object = None
         self._frustum: Any = None
 
@@ -165,15 +90,17 @@ class AgentMark:
 
     def _draw(self, agent: Agent) -> None:
         if isinstance(agent.camera, FieldOfView):
-            segments = _borders(agent.camera)
-            self._scene.add_line_segments(f"{self._path}/field", segments, self._color, thickness=0.008)
+            segments = self._scale * _borders(agent.camera)
+            self._scene.add_line_segments(
+                f"{self._path}/field", segments, self._color, thickness=self._style["thickness"]
+            )
             attention = None if agent.attention is None else as_pinhole(agent.attention)
             if attention is not None:
                 self._frustum = _add_frustum(self._scene, f"{self._path}/frustum", attention, **self._style)
         elif agent.pinhole is not None:
             self._frustum = _add_frustum(self._scene, f"{self._path}/frustum", agent.pinhole, **self._style)
         else:
-            self._scene.add_frame(f"{self._path}/axes", axes_length=0.2, axes_radius=0.008)
+            self._scene.add_frame(f"{self._path}/axes", axes_length=0.2 * self._scale, axes_radius=0.008 * self._scale)
 
 
 class CloudNode:
@@ -184,7 +111,7 @@ class CloudNode:
         self.node = scene.add_point_cloud(
             "/cloud",
             self._points,
-            self._points.astype(np.uint8),
+            (0, 0, 0),
             point_size=_POINT_SIZE * state.cloud.spacing,
             point_shape="circle",
             point_shading="flat",
@@ -195,15 +122,16 @@ class CloudNode:
         """Update points and colors; points are sent only if they changed."""
         if not np.array_equal(snapshot.points, self._points):
             self.node.points = self._points = snapshot.points
-        self.node.colors = snapshot.point_colors
+        if len(snapshot.points):  # browsers report an error for an empty array of colors
+            self.node.colors = snapshot.point_colors
 
 
 class SightNode:
     """Lines from agents to hidden objects: in the agent's color up to the occluder, gray behind it."""
 
-    def __init__(self, scene: SceneApi, names: Sequence[str]) -> None:
+    def __init__(self, scene: SceneApi, names: Sequence[str], scale: float = 1.0) -> None:
         """Store the agents' names and colors."""
-        self._scene, self._colors = scene, agent_colors(names)
+        self._scene, self._colors, self._thickness = scene, agent_colors(names), 0.012 * scale
         self._node: Any = None
         self._segments = np.zeros((0, 2, 3))
         self.visible = True
@@ -220,22 +148,24 @@ class SightNode:
         if len(segments):
             colors = np.array([[color] * 2 for line in lines for color in (self._colors[line.agent], _HIDDEN)])
             self._node = self._scene.add_line_segments(
-                "/sight", segments.astype(np.float32), colors.astype(np.uint8), thickness=0.012
+                "/sight", segments.astype(np.float32), colors.astype(np.uint8), thickness=self._thickness
             )
 
 
 class ProposalMark:
     """The frustum of a camera at the proposed pose."""
 
-    def __init__(self, scene: SceneApi) -> None:
+    def __init__(self, scene: SceneApi, scale: float = 1.0) -> None:
         """Start without a frustum."""
-        self._scene = scene
+        self._scene, self._scale = scene, scale
         self.node: Any = None
 
     def show(self, camera: Camera, pose: NDArray[np.float64]) -> None:
         """Show the frustum at a pose, row ``x y z qx qy qz qw``."""
         self.clear()
-        self.node = _add_frustum(self._scene, "/proposal", camera, color=STATE_COLORS[State.BOTH], thickness=0.012)
+        style: dict[str, Any] = {"color": STATE_COLORS[State.BOTH], "thickness": 0.012 * self._scale}
+        style["scale"] = self._scale * _FRUSTUM_SIZE
+        self.node = _add_frustum(self._scene, "/proposal", camera, **style)
         place(self.node, pose)
 
     def clear(self) -> None:
@@ -247,7 +177,7 @@ class ProposalMark:
 
 def _add_frustum(scene: SceneApi, path: str, camera: Camera, **style: Any) -> Any:
     aspect = (camera.width / camera.fx) / (camera.height / camera.fy)
-    return scene.add_camera_frustum(path, fov=camera.vfov, aspect=aspect, scale=_FRUSTUM_SIZE, **style)
+    return scene.add_camera_frustum(path, fov=camera.vfov, aspect=aspect, **style)
 
 
 def place(node: Any, pose: NDArray[np.floating]) -> None:
@@ -271,11 +201,11 @@ def _borders(field: FieldOfView) -> NDArray[np.float64]:
     return _FIELD_SIZE * np.concatenate([*segments, spokes])
 
 
-class Gizmos(_Nodes):
+class Gizmos(Nodes):
     """All handles of a page. `dragged` is called after the state is updated with a handle's pose."""
 
     def __init__(self, scene: SceneApi, state: ViewerState, dragged: Callable[[], None]) -> None:
-        self._state, self._dragged = state, dragged
+        self._state, self._dragged, self._scale = state, dragged, mark_scale(state.scene)
         self.agents = {name: self._add_agent(scene, name) for name in state.agents}
         self.objects = {name: self._add_object(scene, name) for name in state.stage.handles}
         self._mounts: dict[str, NDArray[np.float64]] = {}
@@ -295,7 +225,9 @@ class Gizmos(_Nodes):
             place(gizmo, self._state.object_pose(name))
 
     def _add_agent(self, scene: SceneApi, name: str) -> Any:
-        gizmo = scene.add_transform_controls(f"/handles/agents/{name}", scale=_AGENT_SIZE, depth_test=False)
+        gizmo = scene.add_transform_controls(
+            f"/handles/agents/{name}", scale=self._scale * _AGENT_SIZE, depth_test=False
+        )
 
         @gizmo.on_update
         def moved(_: object) -> None:
@@ -308,7 +240,7 @@ class Gizmos(_Nodes):
     def _add_object(self, scene: SceneApi, name: str) -> Any:
         vertices, _ = self._state.stage.mesh(name)
         reach = 0.75 * float((vertices.max(axis=0) - vertices.min(axis=0)).max())
-        size = min(max(reach, _MIN_SIZE), _MAX_SIZE)
+        size = self._scale * min(max(reach, _MIN_SIZE), _MAX_SIZE)
         number = self._state.scene.index(name)
         gizmo = scene.add_transform_controls(f"/handles/objects/{number}", scale=size, depth_test=False)
 

@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import format_percent
-from warpvis.core.labels import Label
 from warpvis.core.poses import check_up
 from warpvis.errors import WarpvisError
 from warpvis.maps import floor_map
 from warpvis.planning import propose_view
 from warpvis.viewer._pictures import kinect_noise, legend_html, status_html, table_html, with_view
-from warpvis.visibility import Agent, Candidate
+from warpvis.visibility import Agent, choose_likeliest
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -38,6 +37,8 @@ _MAP_CELLS = 160
 
 
 _PICTURES = {"depth": "depth", "visibility": "objects"}
+_COLOR_PICTURES = {"color and depth": "both", "color": "color", **_PICTURES}
+_OBJECTS = {"materials": "materials", "visibility": "visibility"}
 _CLOUDS = {"visibility": "visibility", "labels of the depth image": "labels", "none": "none"}
 _MAX_HEIGHT, _MIN_FAR, _MAX_FAR = 3.0, 0.5, 20.0
 _JPEG = 85
@@ -89,6 +90,14 @@ class Panel:
         """Show a message at the top; hide it if it is empty."""
         self.message.content, self.message.visible = text, bool(text)
 
+    def attempt(self, change: Callable[[], None]) -> None:
+        """Change the state, and show the error message if that fails."""
+        try:
+            self._act(change)
+            self.show_message("")
+        except WarpvisError as error:
+            self.show_message(str(error))
+
     def _add_buttons(self) -> None:
         gui = self._gui
         if len(self._state.agents) > 1:
@@ -107,11 +116,11 @@ class Panel:
                 self._go_there()
                 self.answer.visible = go_button.visible = False
 
-        reset = gui.add_button("Reset scene")
+        self.reset = gui.add_button("Reset scene")
 
-        @reset.on_click
+        @self.reset.on_click
         def _(_: object) -> None:
-            self._try(self._state.reset)
+            self.attempt(self._state.reset)
             for name in self._state.agents:
                 self._follow(name)
             model = self._state.model
@@ -123,7 +132,11 @@ class Panel:
         gui, state = self._gui, self._state
         with gui.add_folder("Show", expand_by_default=False):
             cloud = gui.add_dropdown("points", list(_CLOUDS), initial_value=next(iter(_CLOUDS)))
-            picture = gui.add_dropdown("images", list(_PICTURES), initial_value=next(iter(_PICTURES)))
+            pictures = _COLOR_PICTURES if state.has_colors else _PICTURES
+            picture = gui.add_dropdown("images", list(pictures), initial_value=next(iter(pictures)))
+            if state.has_colors:
+                look = gui.add_dropdown("objects", list(_OBJECTS), initial_value=shown["meshes"].kind)
+                self._bind(look, shown["meshes"], "kind", _OBJECTS)
             for name, nodes in shown.items():
                 self._bind(gui.add_checkbox(name, True), nodes, "visible")
             self._with_map = gui.add_checkbox("floor map", False)
@@ -131,11 +144,11 @@ class Panel:
 
         @noise.on_update
         def _(_: object) -> None:
-            self._try(lambda: state.set_sensor(kinect_noise(float(noise.value))))
+            self.attempt(lambda: state.set_sensor(kinect_noise(float(noise.value))))
 
         self._bind(self._with_map, self.map, "visible")
         self._bind(cloud, state, "cloud_kind", _CLOUDS)
-        self._bind(picture, state, "picture_kind", _PICTURES)
+        self._bind(picture, state, "picture_kind", pictures)
 
     def _bind(self, box: Any, target: Any, name: str, values: Mapping[str, str] | None = None) -> None:
         """Set an attribute to a box's value, or to that of `values`, and update the page whenever it changes."""
@@ -192,7 +205,7 @@ class Panel:
             steps = np.clip(np.diff(frames.timestamps), *_STEP)
             while play.value:
                 number = self._state.frame + 1 if self._state.frame < last else 0
-                self._try(lambda number=number: self._state.show_frame(number))  # type: ignore[misc]
+                self.attempt(lambda number=number: self._state.show_frame(number))  # type: ignore[misc]
                 self.sliders["frame"].value = number
                 time.sleep(float(steps[number - 1]))
 
@@ -228,15 +241,7 @@ class Panel:
         @slider.on_update
         def _(event: Any) -> None:
             if event.client_id is not None:  # None if the program set the slider to match the state
-                self._try(lambda: change(float(slider.value)))
-
-    def _try(self, change: Callable[[], None]) -> None:
-        """Change the state, and show the error message if that fails."""
-        try:
-            self._act(change)
-            self.show_message("")
-        except WarpvisError as error:
-            self.show_message(str(error))
+                self.attempt(lambda: change(float(slider.value)))
 
     def _follow(self, name: str) -> None:
         """Set an agent's sliders to match the state."""
@@ -257,15 +262,7 @@ def propose(state: ViewerState, snapshot: Snapshot, *, max_distance: float, radi
     names = " or ".join(agent.name for agent in others)
     if robot.pinhole is None:
         return f"{robot.name} has no pinhole camera."
-    bodies = [name for agent in snapshot.agents for name in agent.body]
-    labels = None if all(item.label != Label.OBJECT for item in state.scene.objects) else [Label.OBJECT]
-    likeliest: dict[str, Candidate] = {}
-    for agent in others:
-        for item in snapshot.seen.candidates(agent.name, robot.name, labels=labels, exclude=bodies):
-            known = likeliest.setdefault(item.object, item)
-            if item.probability > known.probability:
-                likeliest[item.object] = item
-    found = sorted(likeliest.values(), key=lambda item: -item.probability)
+    found = choose_likeliest(item for agent in others for item in snapshot.meant[agent.name])
     if not found:
         return f"{names} sees no object."
     object_poses = snapshot.object_poses if len(snapshot.object_poses) else None

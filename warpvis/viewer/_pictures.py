@@ -25,14 +25,17 @@ from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1
 from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, FieldOfView, Perspective, State, equirectangular, point_visibility
-from warpvis.viz import STATE_COLORS, depth_colors
+from warpvis.viz import STATE_COLORS, agent_colors, depth_colors
 
-PictureKind = Literal["depth", "objects"]
+PictureKind = Literal["depth", "objects", "color", "both"]
+"""Depth, whether agents see each object, color, or color next to depth."""
 
 _OUTPUTS: tuple[Output, ...] = ("depth", "points", "labels", "segmentation")
 _WIDTH = 320
 """Maximum width of a picture [px]."""
 _PIXELS_PER_DEGREE = 1.6
+_GAP = 4
+"""Width of the border between two pictures [px]."""
 _FINEST_RANGE = 1e-3
 
 _POINTS = 20_000
@@ -61,6 +64,8 @@ class Seen:
     """Labels of the points."""
     objects: NDArray[np.int32]
     """Indices of the objects of the points, -1 for none."""
+    color: NDArray[np.uint8] | None = None
+    """Colors in sRGB, ``(h, w, 3)``; None if they are not shown."""
 
     def cloud(self) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """Return the points with a finite depth, ``(N, 3)``, and their labels, ``(N,)``."""
@@ -72,15 +77,23 @@ class AgentPicture:
     """Renders pictures of one agent's view; a `FieldOfView` is shown in an equirectangular projection."""
 
     def __init__(
-        self, scene: Scene, camera: ImageCamera | FieldOfView, reach: float, sensor: DepthSensor | None = None
+        self,
+        scene: Scene,
+        camera: ImageCamera | FieldOfView,
+        reach: float,
+        sensor: DepthSensor | None = None,
+        colored: Scene | None = None,
     ) -> None:
         """Set up the renderers; a sensor is ignored for a `FieldOfView`.
 
         `reach` is half of the scene's diagonal [m]: depth of the last color if the camera's range exceeds the diagonal.
+        `colored` is the scene for colors, with the same movable objects, by default `scene`.
         """
         self.scene, self.camera, self.reach = scene, camera, reach
+        self._colored = scene if colored is None else colored
         self._faces: list[tuple[Renderer, NDArray[np.float32], NDArray[np.bool_]]] = []
         self._renderer: Renderer | None = None
+        self._color_renderers: list[Renderer] = []
         if isinstance(camera, FieldOfView):
             scale = min(_PIXELS_PER_DEGREE, _WIDTH / math.degrees(camera.hfov))
             for face, (columns, rays) in zip(camera.faces(), equirectangular(camera, scale)[1], strict=True):
@@ -96,14 +109,29 @@ class AgentPicture:
         far = far if far <= 2 * self.reach else max(self.reach, near + _FINEST_RANGE)
         return near, far
 
-    def render(self, agent: Agent, object_poses: NDArray[np.float64]) -> Seen:
-        """Render an agent's view from its current pose; large images are subsampled."""
+    def render(
+        self,
+        agent: Agent,
+        object_poses: NDArray[np.float64],
+        *,
+        with_color: bool = False,
+        hidden: Sequence[str] | None = None,
+    ) -> Seen:
+        """Render an agent's view from its current pose; large images are subsampled.
+
+        `hidden` are the objects of the scene for colors that the agent does not see, by default those of the agent.
+        """
         poses = object_poses if len(object_poses) else None
         exclude = agent.excluded or None
+        places: dict[str, Any] = {"object_poses": poses, "exclude": (exclude if hidden is None else hidden) or None}
         if self._renderer is not None:
             views = self._renderer.render(agent.poses, object_poses=poses, exclude=exclude)
             step = math.ceil(views.depth.shape[2] / _WIDTH)
-            return Seen(*(getattr(views, name).numpy()[0, ::step, ::step] for name in _OUTPUTS))
+            seen = Seen(*(getattr(views, name).numpy()[0, ::step, ::step] for name in _OUTPUTS))
+            if not with_color:
+                return seen
+            (painter,) = self._painters()
+            return replace(seen, color=painter.render(agent.poses, **places).color.numpy()[0, ::step, ::step])
         height, width = self._faces[0][1].shape[0], len(self._faces[0][2])
         seen = Seen(
             np.empty((height, width), dtype=np.float32),
@@ -114,9 +142,21 @@ class AgentPicture:
         for face, (renderer, pixels, columns) in zip(agent.faces, self._faces, strict=True):
             face_pose = agent.face_poses(face)
             views = renderer.render_at(face_pose, pixels[None], object_poses=poses, exclude=exclude)
-            for image, name in zip(vars(seen).values(), _OUTPUTS, strict=True):
+            for image, name in zip(vars(seen).values(), _OUTPUTS, strict=False):
                 image[:, columns] = getattr(views, name).numpy()[0]
-        return seen
+        if not with_color:
+            return seen
+        color = np.empty((height, width, 3), dtype=np.uint8)
+        for face, painter, (_, pixels, columns) in zip(agent.faces, self._painters(), self._faces, strict=True):
+            color[:, columns] = painter.render_at(agent.face_poses(face), pixels[None], **places).color.numpy()[0]
+        return replace(seen, color=color)
+
+    def _painters(self) -> list[Renderer]:
+        """Return the renderers of colors, one for each face."""
+        if not self._color_renderers:
+            cameras = [r.camera for r, _, _ in self._faces] if self._renderer is None else [self._renderer.camera]
+            self._color_renderers = [Renderer(self._colored, camera, outputs=("color",)) for camera in cameras]
+        return self._color_renderers
 
     def draw(self, seen: Seen, kind: PictureKind, colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Return a color picture of a view, ``(h, w, 3)``.
@@ -125,11 +165,17 @@ class AgentPicture:
         """
         if kind == "objects":
             return colors[seen.objects]
+        if kind == "color" and seen.color is not None:
+            return seen.color
         near, far = self.depth_range
         with np.errstate(invalid="ignore"):
             index = np.clip((seen.depth - near) * (255 / max(far - near, _FINEST_RANGE)), 0, 255)
         index = np.where(np.isfinite(seen.depth), index, np.where(seen.depth == -np.inf, 257, 256)).astype(np.int64)
-        return _color_table()[index]
+        depth = _color_table()[index]
+        if kind == "both" and seen.color is not None:
+            gap = np.full((len(depth), _GAP, 3), 255, dtype=np.uint8)
+            return np.concatenate([seen.color, gap, depth], axis=1)
+        return depth
 
 
 def with_view(camera: Camera, *, hfov: float | None = None, far: float | None = None) -> Camera:
@@ -328,9 +374,15 @@ def table_rows(seen: Perspective) -> tuple[Row, ...]:
 
 
 def table_html(rows: Sequence[Row], agents: Sequence[str]) -> str:
-    """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent."""
+    """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent.
+
+    The head of a column is underlined in the color of the agent.
+    """
+    lines = ["transparent", *("rgb({},{},{})".format(*color) for color in agent_colors(len(agents)))]
     head = "".join(
-        f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["object", *agents]
+        f'<th style="text-align:left;padding-right:0.5em"><span style="border-bottom:3px solid {line}">{escape(word)}'
+        "</span></th>"
+        for word, line in zip(["object", *agents], lines, strict=True)
     )
     body = "".join(_row(row, agents) for row in rows)
     return (
@@ -367,7 +419,10 @@ def status_html(seconds: float, updates: float) -> str:
 
 def _row(row: Row, agents: Sequence[str]) -> str:
     title = escape(f"{row.label}; {state_text(row.state, agents)}")
-    cells = "".join(f'<td style="{_CELL}">{escape(cell)}</td>' for cell in row.cells)
+    cells = "".join(
+        f'<td style="{_CELL}{";white-space:nowrap" if cell.endswith("%") else ""}">{escape(cell)}</td>'
+        for cell in row.cells
+    )
     name = f'<td style="{_CELL};white-space:nowrap" title="{title}">{_dot(row.state)}{escape(row.name)}</td>'
     return f"<tr>{name}{cells}</tr>"
 

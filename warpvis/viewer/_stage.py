@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -47,6 +47,10 @@ class Stage:
     """Names of the objects that a user may drag."""
     object_poses: NDArray[np.float64] = field(repr=False)
     """Initial poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
+    colored: Scene = field(repr=False)
+    """Scene for colors, with the same movable objects: `scene`, or the one from whose objects it was joined."""
+    parts: Mapping[str, Sequence[SceneObject]] = field(default_factory=dict, repr=False)
+    """Objects of `colored` from which each object was joined, by name; others are objects of both scenes."""
 
     @classmethod
     def from_scene(cls, scene: Scene, bodies: Iterable[str] = (), movable: Sequence[str] | None = None) -> Stage:
@@ -61,9 +65,10 @@ class Stage:
         objects = [_make_movable(item) if item.name in moving and not item.movable else item for item in items]
         copy = Scene(device=scene.device, up=scene.up, label_names=scene.label_names, ground_labels=scene.ground_labels)
         copy.replace_objects(objects)
+        copy.lights, copy.background = scene.lights, scene.background
         poses = [objects[index].pose for index in copy.movable]
         rows = np.array(poses, dtype=np.float64).reshape(-1, 7)
-        return cls(copy, tuple(draggable), rows)
+        return cls(copy, tuple(draggable), rows, copy)
 
     @cached_property
     def columns(self) -> NDArray[np.int32]:
@@ -73,6 +78,10 @@ class Stage:
     def column(self, name: str) -> int:
         """Return the row of `object_poses` that moves an object; -1 if it is static."""
         return int(self.columns[self.scene.index(name)])
+
+    def parts_of(self, name: str) -> Sequence[SceneObject]:
+        """Return the objects of `colored` that an object consists of."""
+        return self.parts[name] if name in self.parts else (self.scene[name],)
 
     def mesh(self, name: str) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return the vertices of an object in its mesh frame [m], ``(n, 3)``, and its triangles, ``(m, 3)``."""
@@ -266,15 +275,18 @@ class MujocoStage:
             else:
                 static_parts[self._group(index, item)].append(item)
         names: set[str] = set()
-        objects = []
+        objects: list[SceneObject] = []
+        joined: dict[str, Sequence[SceneObject]] = {}
         for (name, label), parts in static_parts.items():
             mesh = _joined([(part.vertices, part.faces) for part in parts])
             objects.append(SceneObject(_unique_name(name, names), label, Mesh(*mesh)))
+            joined[objects[-1].name] = parts
         for root in self._loaded.scene.movable:
             objects.append(self._joined_body(root, movable_parts[root], names))
+            joined[objects[-1].name] = movable_parts[root]
         scene = Scene(label_names=self._loaded.scene.label_names, ground_labels=self._loaded.scene.ground_labels)
         scene.replace_objects(objects)
-        return Stage(scene, tuple(self._free), self.object_poses())
+        return Stage(scene, tuple(self._free), self.object_poses(), self._loaded.scene, joined)
 
     def _joined_body(self, root: int, parts: Sequence[SceneObject], names: set[str]) -> SceneObject:
         item = self._loaded.scene.objects[root]

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -30,6 +30,8 @@ from warpvis.errors import ArrayError, PoseError, SceneError
 from warpvis.maps import label_colors
 from warpvis.rendering import DepthSensor, require_sensor
 from warpvis.scene import Scene
+from warpvis.viewer._materials import has_colors
+from warpvis.viewer._picking import Picked, Picker, find_meant
 from warpvis.viewer._pictures import (
     AgentPicture,
     PictureKind,
@@ -41,7 +43,7 @@ from warpvis.viewer._pictures import (
     table_rows,
 )
 from warpvis.viewer._stage import MujocoStage, Stage, as_mujoco_stage, check_frames, objects_in_frame
-from warpvis.visibility import Agent, Perspective, State, perspective
+from warpvis.visibility import Agent, Candidate, Eyes, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS
 
 if TYPE_CHECKING:
@@ -65,7 +67,7 @@ class Snapshot:
     """Results for one situation."""
 
     agents: tuple[Agent, ...]
-    """Agents at their current poses."""
+    """Agents at their current poses, with their eyes turned."""
     object_poses: NDArray[np.float64] = field(repr=False)
     """Poses of the movable objects, rows ``x y z qx qy qz qw``, ``(M, 7)``."""
     seen: Perspective = field(repr=False)
@@ -73,7 +75,7 @@ class Snapshot:
     rows: tuple[Row, ...] = field(repr=False)
     """Rows of the table."""
     pictures: tuple[NDArray[np.uint8], ...] = field(repr=False)
-    """Picture of each agent's view, ``(h, w, 3)``."""
+    """Picture of each agent's view, ``(h, w, 3)``, or color next to depth, ``(h, 2 w + 4, 3)``."""
     views: tuple[Seen, ...] = field(repr=False)
     """Depth, points, labels and objects of the pixels of each picture."""
     lines: tuple[SightLine, ...] = field(repr=False)
@@ -84,6 +86,10 @@ class Snapshot:
     """RGB colors of the points, ``(N, 3)``."""
     states: NDArray[np.uint8] = field(repr=False)
     """A `State` for each point of a surface, ``(N,)``; empty for points of a depth image."""
+    picked: Picked | None
+    """Who sees the picked point, and why others do not; None without one."""
+    meant: Mapping[str, tuple[Candidate, ...]] = field(repr=False)
+    """Objects that each person may mean, most likely first, by name of the person."""
     seconds: float
     """Computation time [s]."""
 
@@ -160,13 +166,16 @@ class ViewerState:
         if not is_whole(points) or not 0 < points <= _MAX_POINTS:
             raise ArrayError(f"points must be a whole number from 1 to {_MAX_POINTS}, got {points!r}")
         self.cloud = SurfaceCloud(self.stage, int(points))
-        self.picture_kind: PictureKind = "depth"
+        self.has_colors = has_colors(self.stage.colored)
+        """Whether objects have appearances, so that agents have color images."""
+        self.picture_kind: PictureKind = "both" if self.has_colors else "depth"
         self.cloud_kind: CloudKind = "visibility"
         self._sight = SightLines(self.stage)
         self._vertical = check_up(self.scene.up)
         self._lock = threading.RLock()
         self._pictures: dict[str, AgentPicture] = {}
         self._sensor: DepthSensor | None = None
+        self._picker, self._eyes = Picker(self.stage), Eyes()
 
     # Changes of the state.
 
@@ -253,6 +262,38 @@ class ViewerState:
         with self._lock:
             return self.object_poses[self._column(name)].copy()
 
+    def pick(self, point: ArrayLike | None) -> None:
+        """Pick a point in the world [m], ``(3,)``: `Snapshot.picked` tells who sees it. None forgets the point."""
+        if point is None:
+            self._picker.clear()
+        else:
+            self._picker.pick(point)
+
+    def pick_along(self, origin: ArrayLike, direction: ArrayLike) -> bool:
+        """Pick the first point of a surface along a ray in the world, and return whether there is one.
+
+        The point moves with its object.
+        """
+        with self._lock:
+            object_poses = self.object_poses.copy()
+        return self._picker.pick_along(origin, direction, object_poses)
+
+    def turn_eyes(self, name: str, right: float, up: float) -> None:
+        """Turn an agent's eyes from the axis of its head, with its field of view and its field of attention.
+
+        The gaze of a person is then known, which changes the probabilities of `Snapshot.meant`.
+
+        Args:
+            name: Name of the agent.
+            right: Angle to the right [rad].
+            up: Angle up [rad]. Both angles together must be in the range of the eyes, `ReferenceModel.max_eye_angle`.
+        """
+        self._eyes.turn(self._agent(name).name, right, up)
+
+    def release_eyes(self, name: str) -> None:
+        """Turn an agent's eyes back to the axis of its head, and treat its gaze as not known."""
+        self._eyes.release(self._agent(name).name)
+
     def show_frame(self, number: int) -> None:
         """Move the first agent and the movable objects to their poses in a frame."""
         count = 0 if self.frames is None else len(self.frames)
@@ -265,8 +306,9 @@ class ViewerState:
                 self.object_poses[self._column(name)] = row
 
     def reset(self) -> None:
-        """Move all agents and objects to their initial poses, and restore the agents' cameras."""
+        """Move all agents and objects to their initial poses, and restore the agents' cameras and eyes."""
         with self._lock:
+            self._eyes = Eyes()
             self.agents = dict(self.initial_agents)
             if self.model is not None:
                 self.model.reset()
@@ -279,7 +321,8 @@ class ViewerState:
         """Compute what the agents see in the current situation."""
         begin = time.perf_counter()
         with self._lock:
-            agents = tuple(self.agents.values())
+            eyes = self._eyes.angles
+            agents = tuple(self._eyes.looking(agent) for agent in self.agents.values())
             object_poses = self.object_poses.copy()
             pictures = [self._picture(agent) for agent in agents]
             kind, cloud_kind = self.picture_kind, self.cloud_kind
@@ -287,7 +330,11 @@ class ViewerState:
         seen = perspective(self.scene, agents, objects=self.table_objects, object_poses=given_poses)
         rows = table_rows(seen)
         colors = self.colors({row.name: row.state for row in rows})
-        views = [picture.render(agent, object_poses) for picture, agent in zip(pictures, agents, strict=True)]
+        with_color = self.has_colors and kind in ("color", "both")
+        views = [
+            picture.render(agent, object_poses, with_color=with_color, hidden=self._hidden_parts(agent))
+            for picture, agent in zip(pictures, agents, strict=True)
+        ]
         if cloud_kind == "labels":
             points, labels = views[0].cloud()
             point_colors, states = label_colors()[labels], _NO_STATES
@@ -308,6 +355,8 @@ class ViewerState:
             points=points,
             point_colors=point_colors,
             states=states,
+            picked=self._picker.find(agents, object_poses),
+            meant=find_meant(seen, agents, self.stage, list(eyes)),
             seconds=time.perf_counter() - begin,
         )
 
@@ -327,8 +376,12 @@ class ViewerState:
             low, high = self.scene.bounds.astype(np.float64)
             sensor = None if agent.pinhole is None else self._sensor
             reach = float(np.linalg.norm(high - low)) / 2
-            self._pictures[agent.name] = AgentPicture(self.scene, agent.camera, reach, sensor)
+            self._pictures[agent.name] = AgentPicture(self.scene, agent.camera, reach, sensor, self.stage.colored)
         return self._pictures[agent.name]
+
+    def _hidden_parts(self, agent: Agent) -> list[str]:
+        """Return the names of the objects of the scene for colors that an agent does not see."""
+        return [part.name for name in agent.excluded for part in self.stage.parts_of(name)]
 
     def _choose_table_objects(self, objects: Sequence[str] | None, bodies: Iterable[str]) -> list[str]:
         """Return the names of the objects in the table."""

@@ -28,9 +28,22 @@ from warpvis.core.file_content import writing
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene import Scene, require_scene
-from warpvis.viewer._nodes import AgentMark, CloudNode, Gizmos, Meshes, ProposalMark, SightNode, agent_colors
+from warpvis.viewer._answers import Answers, GazeSliders
+from warpvis.viewer._first_view import FirstView, fold_on_phones, scene_corners
+from warpvis.viewer._meshes import Meshes
+from warpvis.viewer._nodes import (
+    AgentMark,
+    CloudNode,
+    Gizmos,
+    ProposalMark,
+    SightNode,
+    agent_colors,
+    mark_scale,
+)
 from warpvis.viewer._panel import Panel, describe_proposal, propose
+from warpvis.viewer._picking import probabilities
 from warpvis.viewer._pictures import legend_html, table_html
+from warpvis.viewer._sight_marks import answers_html, meant_html
 from warpvis.viewer._stage import as_mujoco_stage
 from warpvis.viewer._state import Snapshot, ViewerState
 from warpvis.visibility import Agent
@@ -214,18 +227,26 @@ class Page:
         self._requested, self._completed, self._closed = 0, 0, False
         server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=_BRAND)
         server.gui.set_panel_label("warpvis")
-        self._set_view()
+        self.first_view = self._set_view()
+        """The view with which browsers start."""
         self.meshes = Meshes(server.scene, state, dark=dark)
+        scale = mark_scale(state.scene)
         self.marks = {
-            name: AgentMark(server.scene, state.agents[name], color)
+            name: AgentMark(server.scene, state.agents[name], color, scale)
             for name, color in agent_colors(state.agents).items()
         }
         self.cloud = CloudNode(server.scene, state)
-        self.sight = SightNode(server.scene, list(state.agents))
-        self.proposal = ProposalMark(server.scene)
+        self.sight = SightNode(server.scene, list(state.agents), scale)
+        self.proposal = ProposalMark(server.scene, scale)
         self.gizmos = Gizmos(server.scene, state, self.update)
         shown = {"handles": self.gizmos, "meshes": self.meshes, "lines of sight": self.sight}
+        fold_on_phones(server.gui)
         self.panel = Panel(server.gui, state, self.update, self.act, shown, self.propose, self.go_there)
+        order, attempt = self.panel.legend.order, self.panel.attempt
+        self.answers = Answers(server, state.pick, state.pick_along, attempt, order)
+        self.answers.pick_behind(self.gizmos.objects.values())
+        self.gaze = GazeSliders(server.gui, self._turn_eyes, attempt, order, list(state.agents))
+        self.panel.reset.on_click(lambda _: self.gaze.reset())
         self._worker = threading.Thread(target=self._work, name="warpvis viewer", daemon=True)
         self._worker.start()
         self.update(wait=True)
@@ -267,6 +288,12 @@ class Page:
             self.proposal.clear()
             self.proposed = None
 
+    def _turn_eyes(self, name: str, angles: tuple[float, float] | None) -> None:
+        if angles is None:
+            self.state.release_eyes(name)
+        else:
+            self.state.turn_eyes(name, *angles)
+
     def close(self) -> None:
         """Stop the thread that updates the page."""
         self._closed = True
@@ -295,11 +322,13 @@ class Page:
         self._times.append(time.perf_counter())
         with self.server.atomic():
             self.meshes.show(snapshot)
-            for agent, picture in zip(snapshot.agents, snapshot.pictures, strict=True):
-                self.marks[agent.name].show(agent, picture)
+            for agent, picture, seen in zip(snapshot.agents, snapshot.pictures, snapshot.views, strict=True):
+                has_both = picture.shape[:2] != seen.depth.shape and seen.color is not None
+                self.marks[agent.name].show(agent, seen.color if has_both else picture)  # type: ignore[arg-type]
             self.cloud.show(snapshot)
             self.sight.show(snapshot)
             self.panel.show(snapshot, self._rate())
+            self.answers.show(snapshot.picked, probabilities(snapshot.meant))
         self.snapshot = snapshot
         self.updates += 1
 
@@ -309,28 +338,21 @@ class Page:
         recent = [step for step in recent if step < 1]
         return len(recent) / sum(recent) if recent else 0.0
 
-    def _set_view(self) -> None:
-        """Set the initial view, from above and behind the first agent."""
-        scene = self.server.scene
-        vertical = check_up(self.state.scene.up)
-        scene.set_up_direction("+z" if vertical == 2 else "+y")
-        ground = self.state.scene.ground_labels
-        boxes = [item.bounds for item in self.state.scene.objects if item.label not in ground]
-        corners = np.concatenate(boxes or [self.state.scene.bounds]).astype(np.float64)
-        eyes = [agent.poses[0, :3] for agent in self.state.agents.values()]
-        corners = np.concatenate([corners, np.array(eyes)])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        center = (low + high) / 2
-        center[vertical] = low[vertical] + 0.2 * (high - low)[vertical]
-        reach = max(float(np.linalg.norm(high - low)), 0.1)
+    def _set_view(self) -> FirstView:
+        """Set the first view, from above and behind the first agent, of all objects and agents."""
+        scene, vertical = self.state.scene, check_up(self.state.scene.up)
+        up = np.eye(3)[vertical]
+        self.server.scene.set_up_direction("+z" if vertical == 2 else "+y")
+        eyes = np.array([agent.poses[0, :3] for agent in self.state.agents.values()], dtype=np.float64)
+        points = scene_corners(scene, eyes)
+        center = (points.min(axis=0) + points.max(axis=0)) / 2
         behind = eyes[0] - center
         behind[vertical] = 0
         behind = behind / np.linalg.norm(behind) if np.linalg.norm(behind) > 1e-6 else np.eye(3)[(vertical + 1) % 3]
-        sideways = np.cross(np.eye(3)[vertical], behind)
-        direction = 0.5 * behind + 0.5 * sideways + 0.65 * np.eye(3)[vertical]
-        self.server.initial_camera.position = center + 1.35 * reach * direction / np.linalg.norm(direction)
-        self.server.initial_camera.look_at = center + 0.08 * reach * (sideways - behind)  # the panel is on the right
-        self.server.initial_camera.fov = np.radians(50)
+        direction = 0.5 * behind + 0.5 * np.cross(up, behind) + 0.65 * up
+        view = FirstView(self.server, up, math.radians(50))
+        view.show(points, direction)
+        return view
 
 
 def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
@@ -338,17 +360,18 @@ def write_page(page: Page, path: str | os.PathLike[str], title: str) -> None:
     check_text(title, "title")
     file = as_path(path)
     assert page.snapshot is not None  # set by the constructor of `Page`
-    shown = page.gizmos.visible
-    page.gizmos.visible = False
+    shown, handle = page.gizmos.visible, page.answers.marks.handle.visible
+    page.gizmos.visible = page.answers.marks.handle.visible = False
     try:
         document = page.server.scene.as_html(dark_mode=page.dark)
     finally:
-        page.gizmos.visible = shown
+        page.gizmos.visible, page.answers.marks.handle.visible = shown, handle
     if "</body>" not in document or "<head>" not in document:
         raise FileFormatError(f"{file}: the page exported by this version of viser has no <head> or <body>")
     head, _, tail = document.rpartition("</body>")
     document = f"{head}{_panel(page.snapshot, title, page.dark)}</body>{tail}"
-    document = document.replace("<head>", f"<head><title>{escape(title)}</title>", 1)
+    start = f"<head><title>{escape(title)}</title><script>{page.first_view.phone_script()}</script>"
+    document = document.replace("<head>", start, 1)
     with writing(file):
         file.write_text(document, encoding="utf-8")
 
@@ -369,6 +392,9 @@ def _panel(snapshot: Snapshot, title: str, dark: bool) -> str:
     summary = f'<summary style="padding:0.5em 0.6em;font-weight:600;cursor:pointer">{escape(title)}</summary>'
     names = [agent.name for agent in snapshot.agents]
     table, legend = table_html(snapshot.rows, names), legend_html(names)
+    legend += meant_html(probabilities(snapshot.meant))
+    if (picked := snapshot.picked) is not None:
+        legend += answers_html(picked.title, picked.lines, picked.reasons)
     closing = f"if(innerWidth<{_WIDE})document.getElementById('warpvis').open=false"
     return (
         f'<details id="warpvis" open style="{style}">{summary}{table}{legend}{images}</details>'

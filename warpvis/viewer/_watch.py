@@ -19,18 +19,14 @@ from warpvis.core.checks import check_flag, check_number, format_percent, is_who
 from warpvis.core.labels import Visibility
 from warpvis.errors import WarpvisError
 from warpvis.maps import label_colors
+from warpvis.viewer._first_view import FirstView, fold_on_phones, spread, without_outliers
 from warpvis.viewer._nodes import AgentMark, agent_colors
+from warpvis.viewer._sight_marks import SIGHT_COLORS, dot
 from warpvis.viewer._view import serve
+from warpvis.viewer._watch_answers import WatchAnswers
 from warpvis.visibility import DepthWatcher, Sight, Watched, map_points
 from warpvis.viz import depth_colors
 
-# Colors of lines of sight (Okabe and Ito's palette, for all kinds of color vision), and of the border of unknown space.
-SIGHT_COLORS: dict[Visibility, tuple[int, int, int]] = {
-    Visibility.VISIBLE: (0, 158, 115),
-    Visibility.OCCLUDED: (213, 94, 0),
-    Visibility.UNKNOWN: (204, 121, 167),
-    Visibility.OUT_OF_VIEW: (150, 150, 150),
-}
 _WORDS = {
     Visibility.VISIBLE: "seen",
     Visibility.OCCLUDED: "hidden",
@@ -94,6 +90,7 @@ class WatchPage:
         self._clouds: dict[str, Any] = {}
         self._nodes: dict[str, Any] = {}
         self._map_time = -math.inf
+        self._view, self._framed = FirstView(self.server, np.eye(3)[2], math.radians(60)), False
         self._closed = threading.Event()
         self.frames = 0
         """Number of frames shown."""
@@ -126,12 +123,9 @@ class WatchPage:
 
     def show(self, watched: Watched, progress: str = "") -> None:
         """Show a result of the watcher, and the map at most once a second."""
-        if not self._nodes and not self._marks:
-            self._set_view(watched)
-        with self.server.atomic():
-            self._show_agents(watched)
-            self._show_sights(watched)
-            self._table.content = table_html(watched)
+        with self.answers.lock, self.server.atomic():
+            self._show_judged(watched)
+            self.answers.show(watched)
             self._images["depth"].image = _depth_picture(watched.depth)
             self._images["labels"].image = label_colors()[_smaller(watched.labels)]
             if time.perf_counter() - self._map_time > _MAP_INTERVAL:
@@ -139,6 +133,12 @@ class WatchPage:
                 self._map_time = time.perf_counter()
         self.frames += 1
         self._status.content = f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{escape(progress)}</div>'
+
+    def _show_judged(self, watched: Watched) -> None:
+        """Show what depends on people's eyes."""
+        self._show_agents(watched)
+        self._show_sights(watched)
+        self._table.content = table_html(watched)
 
     def say(self, text: str) -> None:
         """Show a message at the top, or hide it if it is empty."""
@@ -164,8 +164,10 @@ class WatchPage:
 
     def _add_panel(self) -> None:
         gui = self.server.gui
+        fold_on_phones(gui)
         self._message = gui.add_markdown("", visible=False)
         self._table, self._legend = gui.add_html(""), gui.add_html(_legend_html())
+        self.answers = WatchAnswers(self.server, self._watcher, self._show_judged, self.say, self._legend.order)
         blank = np.full((3, 4, 3), 128, dtype=np.uint8)
         self._images = {
             "depth": gui.add_image(blank, label="depth", jpeg_quality=85),
@@ -190,7 +192,7 @@ class WatchPage:
         size = _SURFACE_SIZE if name == "surface" else _UNKNOWN_SIZE
         none = np.zeros((0, 3), dtype=np.float32)
         self._clouds[name] = self.server.scene.add_point_cloud(
-            f"/map/{name}", none, none.astype(np.uint8), point_size=size * self._watcher.cell_size, precision="float32"
+            f"/map/{name}", none, (0, 0, 0), point_size=size * self._watcher.cell_size, precision="float32"
         )
 
     def _show_agents(self, watched: Watched) -> None:
@@ -245,7 +247,11 @@ class WatchPage:
         unknown = np.broadcast_to(np.array(SIGHT_COLORS[Visibility.UNKNOWN], dtype=np.uint8), border.shape)
         for name, cloud, colors in (("surface", points.surface, heights), ("unknown", border, unknown)):
             node = self._clouds[name]
-            node.points, node.colors = cloud, np.ascontiguousarray(colors)
+            node.points = cloud
+            if len(cloud):  # browsers report an error for an empty array of colors
+                node.colors = np.ascontiguousarray(colors)
+        self._frame(watched, points.surface)
+        self.answers.shown = np.concatenate([node.points for node in self._clouds.values() if node.visible])
         self._images["floor"].image = _fit(_crop(voxels.floor_map().rgb()[0, ::-1]))
 
     def _is_shown(self, points: NDArray[np.float32], watched: Watched) -> NDArray[np.bool_]:
@@ -259,19 +265,19 @@ class WatchPage:
                     shown |= _distance_to_line(points, person.poses[0, :3], watched.places[name][:3]) < _NEAR_LINE
         return shown
 
-    def _set_view(self, watched: Watched) -> None:
-        """Set the initial view: from above and behind the camera."""
-        row = watched.camera_to_world
-        target = np.nanmean(watched.points.reshape(-1, 3), axis=0)
-        back = row[:3] - target
+    def _frame(self, watched: Watched, surface: NDArray[np.float32]) -> None:
+        """Set what the first view shows: the map, agents and places, from above and behind the camera."""
+        measured = watched.points[np.isfinite(watched.points).all(axis=-1)]
+        eyes = np.array([agent.poses[0, :3] for agent in (watched.robot, *watched.people)])
+        places = np.array([place[:3] for place in watched.places.values()]).reshape(-1, 3)
+        points = np.concatenate([without_outliers(surface if len(surface) else measured), spread(eyes), places])
+        if self._framed:
+            self._view.extend(points)
+            return
+        self._framed = True
+        back = eyes[0] - points.mean(axis=0)
         back[2] = 0
-        length = max(float(np.linalg.norm(back)), 0.5)
-        camera = self.server.initial_camera
-        camera.position = row[:3] + 0.9 * back + np.array([0, 0, 0.6 * length + 0.8])
-        camera.look_at = target
-        camera.fov = math.radians(60)
-        for client in self.server.get_clients().values():  # pages that were opened before the first frame
-            client.camera.position, client.camera.look_at = camera.position, camera.look_at
+        self._view.show(points, 1.9 * back + (0, 0, 0.6 * max(float(np.linalg.norm(back)), 0.5) + 0.8))
 
 
 def _distance_to_line(points: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64]) -> Floats:
@@ -325,46 +331,27 @@ def sight_text(sight: Sight) -> str:
 
 
 def table_html(watched: Watched) -> str:
-    """Return the table: a row per place, a column per agent, and what each person means."""
+    """Return the table: a row per place, a column per agent."""
     names = list(watched.sights)
     head = "".join(f'<th style="text-align:left;padding-right:0.5em">{escape(word)}</th>' for word in ["", *names])
     rows = ""
     for place in watched.places:
         cells = "".join(_cell(watched.sights[name][place]) for name in names)
         rows += f'<tr><td style="{_CELL};white-space:nowrap">{escape(place)}</td>{cells}</tr>'
-    if watched.people and watched.places:
-        cells = "".join(f'<td style="{_CELL}">{escape(_meant(watched, name))}</td>' for name in names)
-        rows += f'<tr><td style="{_CELL}">means</td>{cells}</tr>'
     return (
         f'<div style="{_STYLE};max-height:17em;overflow:auto"><table class="warpvis-table" '
         f'style="border-collapse:collapse;width:100%"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
     )
 
 
-def _meant(watched: Watched, name: str) -> str:
-    """Return what a person most probably means."""
-    found = watched.candidates.get(name, {})
-    best = max(found, key=found.__getitem__, default=None)
-    return "" if best is None else f"{best} {found[best]:.2f}"
-
-
 def _cell(sight: Sight) -> str:
     length = "" if math.isnan(sight.unknown_length) else f", {sight.unknown_length:.2f} m of unmeasured space"
     title = f"{_WORDS.get(sight.status, 'out of view')}{length}"
-    return f'<td style="{_CELL}" title="{title}">{_dot(sight.status)}{escape(sight_text(sight))}</td>'
+    return f'<td style="{_CELL}" title="{title}">{dot(sight.status)}{escape(sight_text(sight))}</td>'
 
 
 def _legend_html() -> str:
     items = "".join(
-        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(kind)}{word}</span>'
-        for kind, word in _WORDS.items()
+        f'<span style="white-space:nowrap;margin-right:0.9em">{dot(kind)}{word}</span>' for kind, word in _WORDS.items()
     )
     return f'<div style="{_STYLE}">{items}</div>'
-
-
-def _dot(status: Visibility) -> str:
-    red, green, blue = SIGHT_COLORS.get(status, SIGHT_COLORS[Visibility.OUT_OF_VIEW])
-    return (
-        f'<span style="display:inline-block;width:0.75em;height:0.75em;border-radius:50%;margin-right:0.4em;'
-        f'background:rgb({red},{green},{blue})"></span>'
-    )

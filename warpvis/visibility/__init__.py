@@ -5,7 +5,9 @@
 from __future__ import annotations
 
 from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView, equirectangular as equirectangular
-from warpvis.visibility._candidates import Candidate, State
+from warpvis.visibility._candidates import Candidate, State, choose_likeliest as choose_likeliest
+from warpvis.visibility._eyes import MAX_EYE_ANGLE as MAX_EYE_ANGLE, Eyes as Eyes
+from warpvis.visibility._line_of_sight import LineOfSight, cast_ray as cast_ray, line_of_sight
 from warpvis.visibility._measured_space import MeasuredSpace
 from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
@@ -34,9 +36,11 @@ __all__ = [
     "BOP_DELTA",
     "Candidate",
     "DepthWatcher",
+    "LineOfSight",
     "MeasuredSpace",
     "ReferenceModel",
     "Sight",
     "State",
     "Watched",
+    "line_of_sight",
 ]

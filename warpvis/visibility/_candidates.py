@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -70,6 +70,17 @@ class Candidate:
 
     def __str__(self) -> str:
         return f"{self.object} {format_fraction(self.probability)}"
+
+
+def choose_likeliest(candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Return one candidate for each object, that with the highest probability, most likely first.
+
+    `candidates` are those of several people; among equally probable ones, the first one counts.
+    """
+    likeliest: dict[str, Candidate] = {}
+    for item in sorted(candidates, key=lambda item: -item.probability):
+        likeliest.setdefault(item.object, item)
+    return list(likeliest.values())
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,20 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import require_camera
 from warpvis.core.arrays import check_length
 from warpvis.core.kernel_cache import launch
+from warpvis.core.labels import Visibility
 from warpvis.core.threads import launch_images, launch_points
 from warpvis.errors import ArrayError
-from warpvis.maps import OccupancyMap
+from warpvis.maps import OccupancyMap, Voxel
 from warpvis.rendering import Views
 
 if TYPE_CHECKING:
     from warpvis.kernels.maps.occupancy_lines import LineLimits
 
 _MARGIN_VOXELS = 2.0
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,19 @@ def judge_points(
     launch_points(
         judge_lines, status.shape, lambda window: [poses, window, *inputs], device=status.device, threads=threads
     )
+
+
+def find_stop(space: MeasuredSpace, eye: Floats, point: Floats, status: Visibility) -> Floats | None:
+    """Return the first sample, half a voxel apart, of a surface or of unmeasured space on a line; None without one."""
+    if status not in (Visibility.OCCLUDED, Visibility.UNKNOWN):
+        return None
+    length = float(np.linalg.norm(point - eye))
+    step = space.occupancy.cell_size / 2
+    distances = np.arange(space.eye_clearance, length - (space.margin or 0.0), step) + step / 2
+    line = eye + distances[:, None] * (point - eye) / length
+    states = space.occupancy.states(line).numpy()
+    marks = states == Voxel.SURFACE if status == Visibility.OCCLUDED else states < Voxel.FREE
+    return line[marks.argmax()] if marks.any() else None
 
 
 def hide_pixels(

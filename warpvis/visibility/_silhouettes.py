@@ -14,9 +14,9 @@ from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.kernel_cache import launch
-from warpvis.core.threads import launch_images, pack_launch, run_together, write_fields
+from warpvis.core.threads import launch_images, launch_shared, pack_launch, write_fields
 from warpvis.core.types import KernelArguments
-from warpvis.kernels.constants import COUNTER_FINISHED, JOB_COUNTERS
+from warpvis.kernels.constants import JOB_COUNTERS
 from warpvis.rendering import Views
 from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
@@ -157,7 +157,7 @@ class SilhouetteCounter:
         launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
         shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
         write_fields(call, workers=shared)
-        run_together(launch.launch, workers, lambda: bool(counter[COUNTER_FINISHED] == workers))
+        launch_shared(launch, counter, workers)
 
 
 def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The public names of warpvis.viz and their modules; `lazy_loader` reads this file.
 
-from ._drawing import STATE_COLORS as STATE_COLORS
+from ._drawing import STATE_COLORS as STATE_COLORS, agent_colors as agent_colors
 from ._figures import (
     depth_colors as depth_colors,
     save_contact_sheet as save_contact_sheet,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared drawing functions: shaded scenes, lines in space, and the views, states and colors of two agents."""
+"""Shared drawing functions: shaded scenes, lines in space, and the views, states and colors of agents."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras import as_pinhole
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import as_items, is_whole, pluralize
+from warpvis.core.checks import as_items, check_whole, is_whole, pluralize
 from warpvis.core.labels import Label
 from warpvis.core.poses import Convention, QuaternionOrder, poses_to_matrices, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses, PoseLike
@@ -51,6 +51,10 @@ STATE_COLORS: dict[State, tuple[int, int, int]] = {
 """RGB colors of the four states, 0 to 255, distinguishable with any kind of color blindness: colors of Okabe and Ito
 for one agent; dark green and violet, from the palettes of Tol and IBM, for both and neither."""
 
+_OTHERS = ((153, 51, 119), (255, 85, 102), (102, 0, 153))
+"""Colors of the second and further agents of three or more, distinguishable from each other, from `STATE_COLORS`, and
+from white and dark pages, with any kind of color blindness."""
+
 GRAYS = {
     Label.GROUND: 0.88,
     Label.OBSTACLE: 0.70,
@@ -61,6 +65,26 @@ GRAYS = {
 """Brightness of objects without a state, from 0 to 1."""
 
 _PIXELS_PER_DEGREE = 3
+
+
+_MAX_AGENTS = 1000
+
+
+def agent_colors(count: int) -> list[tuple[int, int, int]]:
+    """Return the RGB colors of agents in pictures and in the viewer, 0 to 255, in their order.
+
+    Up to two agents have the colors of what only they see, `STATE_COLORS`. Of three or more, the others have colors
+    that differ from `STATE_COLORS`, and repeat after three.
+
+    Args:
+        count: Number of agents, from 0 to 1000.
+    """
+    if check_whole(count, "count", minimum=0) > _MAX_AGENTS:
+        raise ArrayError(f"count must be at most {_MAX_AGENTS} agents, got {count}")
+    first, second = STATE_COLORS[State.FIRST], STATE_COLORS[State.SECOND]
+    if count <= 2:
+        return [first, second][:count]
+    return [first, *(_OTHERS[number % len(_OTHERS)] for number in range(count - 1))]
 
 
 def one_pose(
@@ -140,11 +164,13 @@ def draw_lines(
     camera_to_world: ArrayLike,
     lines: Sequence[NDArray[np.float64]],
     linestyle: str = "-",
+    color: tuple[float, ...] | str = "#222222",
+    linewidth: float = 0.8,
 ) -> None:
     """Draw lines in the world, shapes ``(n, 3)``, into a picture."""
     for line in lines:
         points = to_picture(camera, camera_to_world, line)
-        axes.plot(*points.T, color="#222222", linewidth=0.8, linestyle=linestyle)
+        axes.plot(*points.T, color=color, linewidth=linewidth, linestyle=linestyle)
 
 
 def draw_arrow(axes: Axes, start: ArrayLike, end: ArrayLike, linestyle: str = "-") -> None:
@@ -171,6 +197,14 @@ def draw_name(
     )
 
 
+def neighbor(places: NDArray[np.float64], number: int, distance: float) -> NDArray[np.float64] | None:
+    """Return the offset to the nearest other one of 2D places, ``(n, 2)``; None if it is farther than `distance`."""
+    offsets = np.delete(places, number, axis=0) - places[number]
+    lengths = np.linalg.norm(offsets, axis=1)
+    nearest = int(np.argmin(np.nan_to_num(lengths, nan=np.inf)))
+    return offsets[nearest] if lengths[nearest] <= distance else None
+
+
 def white_edge() -> list[withStroke]:
     """Return a path effect that makes black lines visible on a dark background."""
     from matplotlib.patheffects import withStroke
@@ -195,13 +229,15 @@ class PanelData:
     """Data shared by all panels."""
 
     scene: Scene
-    agents: tuple[Agent, Agent]
+    agents: tuple[Agent, ...]
     view: int
     states: dict[int, State]
     """State of each colored object, by its index in the scene."""
     colors: NDArray[np.float64]
     """RGB color of each object from 0 to 1, and white for -1, shape ``(objects + 1, 3)``."""
     object_poses: ObjectPoses
+    seen: tuple[tuple[str, ...], ...]
+    """Names of the colored objects that each agent sees."""
 
     @classmethod
     def from_perspective(
@@ -217,16 +253,16 @@ class PanelData:
         require_scene(scene)
         if not isinstance(seen, Perspective):
             raise SceneError(f"seen must be a result of perspective, got {type(seen).__name__}")
-        pair = as_items(agents, "agents", SceneError)
-        if len(pair) != 2 or not all(isinstance(agent, Agent) and agent.name in seen.agents for agent in pair):
-            names = ", ".join(repr(getattr(agent, "name", agent)) for agent in pair)
-            raise SceneError(f"agents must be two agents of seen, got {names or 'none'}")
+        items = as_items(agents, "agents", SceneError)
+        names = [getattr(agent, "name", None) for agent in items if isinstance(agent, Agent)]
+        if not len(items) == len({*names} & {*seen.agents}) >= 2:
+            listed = ", ".join(repr(getattr(agent, "name", agent)) for agent in items)
+            raise SceneError(f"agents must be two or more different agents of seen, got {listed or 'none'}")
         included = set(seen.labels) - scene.ground_labels if labels is None else scene.label_names.numbers(labels)
-        first, second = pair
-        found = seen.states(first.name, second.name)
+        found = seen.states(items[0].name, [agent.name for agent in items[1:]])
         if not is_whole(view) or view not in range(len(found)):
             raise ArrayError(f"view must be an index from 0 into {pluralize(len(found), 'situation')}, got {view!r}")
-        bodies = {*first.body, *second.body}
+        bodies = {name for agent in items for name in agent.body}
         states = {
             scene.index(name): State(state)
             for name, label, state in zip(seen.objects, seen.labels, found[view], strict=True)
@@ -238,7 +274,14 @@ class PanelData:
         for index, state in states.items():
             colors[index] = np.array(STATE_COLORS[state]) / 255
         poses = seen.objects_at(view) if object_poses is None else object_poses
-        return cls(scene, (first, second), view, states, colors, poses)
+        visible = seen.visible[[seen.agents.index(agent.name) for agent in items], view]
+        seen_by = tuple(
+            tuple(
+                name for name, is_seen in zip(seen.objects, row, strict=True) if is_seen and scene.index(name) in states
+            )
+            for row in visible
+        )
+        return cls(scene, tuple(items), view, states, colors, poses, seen_by)
 
     @property
     def bodies(self) -> set[int]:
@@ -248,12 +291,13 @@ class PanelData:
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Minimum and maximum corner of the scene and the agents' eyes [m], shape ``(2, 3)``."""
-        corners = np.concatenate([self.scene.bounds.astype(np.float64), *(self.pose(k)[None, :3] for k in (0, 1))])
+        corners = np.concatenate([self.scene.bounds.astype(np.float64), self.poses[:, :3]])
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
-    def pose(self, agent: int) -> NDArray[np.float64]:
-        """Return the pose of the first (0) or second (1) agent, a row ``x y z qx qy qz qw``."""
-        return pose_of(self.agents[agent], self.view)
+    @property
+    def poses(self) -> NDArray[np.float64]:
+        """Poses of the agents, rows ``x y z qx qy qz qw``, shape ``(A, 7)``."""
+        return np.stack([pose_of(agent, self.view) for agent in self.agents])
 
 
 @dataclass(frozen=True)

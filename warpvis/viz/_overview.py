@@ -113,7 +113,7 @@ def save_overview(
     target: Sequence[float],
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write one picture of a view: the scene from outside, the depth image and the floor map.
+    """Write one picture of a view: the scene from outside, the color image if rendered, the depth image and the map.
 
     In the picture from outside, surfaces that the camera sees have the colors of the map, and others are gray.
 
@@ -121,7 +121,7 @@ def save_overview(
         scene: The scene.
         camera: The camera of the view.
         camera_to_world: The camera's pose, ``x y z qx qy qz qw``.
-        views: The view's depth and objects.
+        views: The view's depth and objects, and optionally its color.
         floor_map: The view's map.
         path: Picture to write.
         title: Title of the picture.
@@ -135,20 +135,26 @@ def save_overview(
     require_camera(camera)
     if not isinstance(views, Views) or views.depth is None or views.segmentation is None:
         raise ArrayError("views must be warpvis.Views with depth and segmentation")
-    for name in ("depth", "segmentation"):
+    shown = ("depth", "segmentation") if views.color is None else ("depth", "segmentation", "color")
+    for name in shown:
         check_shape(getattr(views, name).shape, ("V", camera.height, camera.width), name=name)
     if not isinstance(floor_map, FloorMap):
         raise ArrayError(f"floor_map must be a warpvis.FloorMap, got {type(floor_map).__name__}")
     legend = floor_map.legend
-    figure = new_figure(15.0, 4.79 + legend_height(legend, columns=6))
-    outside, image, plan = figure.subplots(1, 3, width_ratios=(1.33, 1.45, 1.0))
+    has_color = views.color is not None
+    widths = (1.27, 1.38, 1.42, 0.97) if has_color else (1.33, 1.45, 1.0)
+    figure = new_figure(20.0 if has_color else 15.0, 4.79 + legend_height(legend, columns=6))
+    outside, *image_axes, plan = figure.subplots(1, len(widths), width_ratios=widths)
     pose, seen = look_at(eye, target, up=scene.up), (views.depth.numpy()[0], views.segmentation.numpy()[0])
     outside.imshow(view_from_outside(scene, OUTSIDE_CAMERA, pose, camera, camera_to_world, *seen))
     draw_lines(outside, OUTSIDE_CAMERA, pose, frustum(camera, camera_to_world, reach=1.0))
     limits = {"xlim": (0, OUTSIDE_CAMERA.width), "ylim": (OUTSIDE_CAMERA.height, 0)}
     outside.set(**limits, title="From outside (colored: seen)")
     outside.set_axis_off()
-    _draw_depth(image, views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
+    if has_color:
+        image_axes[0].imshow(views.color.numpy()[0])
+        image_axes[0].set(title="RGB image", xlabel="x [px]", ylabel="y [px]")
+    _draw_depth(image_axes[-1], views.depth.numpy()[0], "Depth image", (camera.near, camera.far))
     draw_map(plan, floor_map.rgb()[0], floor_map.bounds, floor_map.axes, "Seen floor")
     draw_legend(figure, legend, columns=6)
     figure.suptitle(title, fontsize=14, fontweight="bold")

@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of two agents' views of one situation, with objects colored by the agents that see them."""
+"""Pictures of agents' views of one situation, with objects colored by the agents that see them."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import warp as wp
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import as_point
-from warpvis.core.checks import check_text, pluralize
+from warpvis.core.checks import check_text, pluralize, with_article
 from warpvis.core.labels import Label
 from warpvis.core.poses import QuaternionOrder, check_up, look_at, poses_to_matrices, to_xyzw
 from warpvis.core.types import ObjectPoses
@@ -31,6 +32,7 @@ from warpvis.viz._drawing import (
     STATE_COLORS,
     AgentView,
     PanelData,
+    agent_colors,
     agent_view,
     draw_arrow,
     draw_lines,
@@ -38,6 +40,7 @@ from warpvis.viz._drawing import (
     drawn_label,
     frustum,
     light_on,
+    neighbor,
     one_pose,
     shaded_picture,
     to_picture,
@@ -50,18 +53,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_Color: TypeAlias = "tuple[float, ...] | str"
+
 _UNSEEN = 0.25
 
 # Priority of states in cells of a map, lowest first.
 _MAP_ORDER = (State.NEITHER, State.BOTH, State.FIRST, State.SECOND)
 
 _CELLS = 250
+# Agents in a row, width and height of an agent's panels [inches], and relative width of the first column.
+_MAX_COLUMNS, _PANEL_SIZE, _FIRST_COLUMN = 3, (13.5 / 3.1, 8.2), 1.1
 _MIN_CELL = 0.02
 # Maximum numbers of characters in a line.
 _LEGEND_WIDTH, _PANEL_WIDTH, _TITLE_WIDTH = 40, 40, 100
 
 _OUTSIDE_AZIMUTHS, _OUTSIDE_HEIGHTS = 12, (0.6, 0.9)
 _MARGIN_SHARE = 0.03
+# Distance of agents whose names would overlap [px].
+_NEAR = 60
 # Margins around the drawn content [px]; agents' names need space above it.
 _MARGIN, _MARGIN_ABOVE = 12, 45
 
@@ -81,13 +90,15 @@ def save_perspective(
     object_poses: ObjectPoses = None,
     quaternion: QuaternionOrder = "xyzw",
 ) -> None:
-    """Write one picture of two agents' views: the scene from outside, each agent's view, and the floor that each sees.
+    """Write one picture of agents' views: the scene from outside, each agent's view, and the floor that each sees.
 
-    Objects are colored by the agents that see them, with `STATE_COLORS`; the rest is gray.
+    Objects are colored by the agents that see them, with `STATE_COLORS`; the rest is gray. Of three and more agents,
+    colors compare the first one with all others, agents are drawn with `agent_colors`, and the legend lists what each
+    of them sees.
 
     Args:
         scene: The scene.
-        agents: The two agents, usually a robot and a person.
+        agents: Two or more agents, usually a robot and people.
         seen: Result of `perspective` for these agents.
         path: Picture to write.
         view: Index of the situation.
@@ -123,17 +134,24 @@ def draw_perspective(
     if proposed is not None:
         proposed = one_pose(proposed, "proposed")[0]
     data = PanelData.from_perspective(scene, agents, seen, view, labels, object_poses)
-    figure = new_figure(13.5, 8.2, gap=0.11)
-    panels = figure.subplots(2, 3, width_ratios=(1.1, 1.0, 1.0), height_ratios=(0.8, 1.0))
+    count = len(data.agents)
+    columns = min(count, _MAX_COLUMNS)
+    rows = math.ceil(count / columns)
+    figure = new_figure(_PANEL_SIZE[0] * (_FIRST_COLUMN + columns), _PANEL_SIZE[1] * rows, gap=0.11)
+    panels = figure.subplots(
+        2 * rows, 1 + columns, width_ratios=(_FIRST_COLUMN, *[1.0] * columns), height_ratios=(0.8, 1.0) * rows
+    )
     draw_outside(panels[0, 0], data, eye, target)
     _draw_legend(panels[1, 0], data, proposed is not None)
-    maps = [_floor_map(data, agent) for agent in data.agents]
-    for column, agent in enumerate(data.agents, start=1):
-        _draw_view(panels[0, column], data, agent)
-        floor = maps[column - 1]
-        heading = textwrap.fill(f"Floor that the {agent.name} sees", _PANEL_WIDTH)
-        draw_map(panels[1, column], floor.colors, floor.bounds, floor.axes, heading)
-        _draw_poses(panels[1, column], data, floor, proposed if column == 1 else None)
+    for panel in [*panels[2:, 0], *panels[-2:, 1 + columns - (rows * columns - count) :].ravel()]:
+        panel.set_axis_off()
+    for number, agent in enumerate(data.agents):
+        row, column = 2 * (number // columns), 1 + number % columns
+        _draw_view(panels[row, column], data, agent)
+        floor = _floor_map(data, agent)
+        heading = textwrap.fill(f"Floor that {with_article(agent.name)} sees", _PANEL_WIDTH)
+        draw_map(panels[row + 1, column], floor.colors, floor.bounds, floor.axes, heading)
+        _draw_poses(panels[row + 1, column], data, floor, None if number else proposed)
     figure.suptitle(textwrap.fill(title, _TITLE_WIDTH), fontsize=14, fontweight="bold")
     return figure
 
@@ -145,7 +163,7 @@ def _draw_view(axes: Axes, data: PanelData, agent: Agent) -> None:
         axes.set(xlabel="azimuth [degrees]", ylabel="elevation [degrees]")
     else:
         axes.set(xlabel="x [px]", ylabel="y [px]")
-    title = f"What the {agent.name} sees"
+    title = f"What {with_article(agent.name)} sees"
     wide = agent.camera if isinstance(agent.camera, FieldOfView) else agent.pinhole
     if wide is not None:
         title += f" ({math.degrees(wide.hfov):.0f} degrees wide)"
@@ -211,30 +229,39 @@ def _draw_poses(axes: Axes, data: PanelData, floor_map: _Floor, proposed: ArrayL
     floor = ["xyz".index(axis) for axis in floor_map.axes]
     left, right, bottom, top = floor_map.bounds
     length = 0.12 * max(right - left, top - bottom)
-    poses = [data.pose(k) for k in (0, 1)]
-    for agent, pose in zip(data.agents, poses, strict=True):
-        _draw_pose(axes, pose, floor, length, "-")
+    places = data.poses[:, :3][:, floor]
+    for number, (agent, pose, color) in enumerate(zip(data.agents, data.poses, _colors(data), strict=True)):
+        _draw_pose(axes, pose, floor, length, "-", color)
         position, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
-        # Write the name opposite the arrow; near the map's border, toward its center.
+        # Write the name away from an agent nearby, or opposite the arrow; near the map's border, toward its center.
         x, y = (position - [left, bottom]) / [right - left, top - bottom]
         above = heading[1] < 0 if abs(heading[1]) > 0.2 and 0.15 < y < 0.85 else y < 0.5
+        near = neighbor(places, number, length)
+        above = above if near is None else near[1] < 0
         side = "left" if x < 0.15 else "right" if x > 0.85 else "center"
         draw_name(axes, agent.name, position, (0, 9 if above else -9), side, "bottom" if above else "top")
     if proposed is not None:
         proposed_pose = np.asarray(proposed, dtype=np.float64)
-        path = np.stack([poses[0][:3], proposed_pose[:3]])[:, floor]
+        path = np.stack([data.poses[0, :3], proposed_pose[:3]])[:, floor]
         axes.plot(*path.T, color="black", linewidth=1.4, linestyle=":", path_effects=white_edge())
-        _draw_pose(axes, proposed_pose, floor, length, "--")
+        _draw_pose(axes, proposed_pose, floor, length, "--", "white")
     axes.set(xlim=(left, right), ylim=(bottom, top))
 
 
-def _draw_pose(axes: Axes, pose: NDArray[np.float64], floor: list[int], length: float, linestyle: str) -> None:
+def _colors(data: PanelData) -> list[_Color]:
+    """Return the colors with which agents are drawn: black for two, which differ by the colors of what they see."""
+    count = len(data.agents)
+    return ["black"] * count if count == 2 else [tuple(part / 255 for part in color) for color in agent_colors(count)]
+
+
+def _draw_pose(
+    axes: Axes, pose: NDArray[np.float64], floor: list[int], length: float, linestyle: str, color: _Color
+) -> None:
     position, heading = pose[:3][floor], poses_to_matrices(pose)[floor, 2]
     size = np.linalg.norm(heading)
     if size > 1e-6:
         draw_arrow(axes, position, position + length * heading / size, linestyle)
-    face = "black" if linestyle == "-" else "white"
-    axes.plot(*position, marker="o", markersize=8, markerfacecolor=face, markeredgecolor="black", zorder=4)
+    axes.plot(*position, marker="o", markersize=8, markerfacecolor=color, markeredgecolor="black", zorder=4)
 
 
 def _draw_legend(axes: Axes, data: PanelData, proposed: bool) -> None:
@@ -242,22 +269,20 @@ def _draw_legend(axes: Axes, data: PanelData, proposed: bool) -> None:
     from matplotlib.patches import Patch
 
     axes.set_axis_off()
-    first, second = (agent.name for agent in data.agents)
+    first, *others = (with_article(agent.name) for agent in data.agents)
+    several = len(others) > 1
     state_texts = {
-        State.BOTH: "both see",
-        State.FIRST: f"only the {first} sees",
-        State.SECOND: f"only the {second} sees",
-        State.NEITHER: "neither sees",
+        State.BOTH: f"{first} and others see" if several else "both see",
+        State.FIRST: f"only {first} sees",
+        State.SECOND: "only others see" if several else f"only {others[0]} sees",
+        State.NEITHER: "no agent sees" if several else "neither sees",
     }
     handles: list[Patch | Line2D] = []
     for state, state_text in state_texts.items():
         names = [data.scene.objects[index].name for index, object_state in data.states.items() if object_state == state]
-        label = f"{state_text}: {', '.join(names) or 'nothing'}"
-        if len(label) > _LEGEND_WIDTH:
-            label = textwrap.shorten(
-                f"{state_text}: {pluralize(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ..."
-            )
-        handles.append(Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=label))
+        handles.append(
+            Patch(facecolor=np.array(STATE_COLORS[state]) / 255, edgecolor="black", label=_list(state_text, names))
+        )
     grays = {
         "seen ground": GRAYS[Label.GROUND],
         "seen obstacle": GRAYS[Label.OBSTACLE],
@@ -265,11 +290,25 @@ def _draw_legend(axes: Axes, data: PanelData, proposed: bool) -> None:
         "not seen (maps)": _UNSEEN,
     }
     handles += [Patch(facecolor=str(gray), edgecolor="black", label=state_text) for state_text, gray in grays.items()]
-    handles.append(Line2D([], [], color="black", marker="o", label="position and gaze of an agent"))
+    style: dict[str, Any] = {"color": "black", "marker": "o", "markersize": 8}
+    if several:
+        for agent, color, seen in zip(data.agents, _colors(data), data.seen, strict=True):
+            label = _list(f"{agent.name} sees", seen)
+            handles.append(Line2D([], [], **style, markerfacecolor=color, label=label))
+    else:
+        handles.append(Line2D([], [], color="black", marker="o", label="position and gaze of an agent"))
     if proposed:
-        label = f"proposed pose of the {first}"
+        label = f"proposed pose of {first}"
         handles.append(Line2D([], [], color="black", marker="o", markerfacecolor="white", linestyle="--", label=label))
     axes.legend(handles=handles, loc="upper center", fontsize=12, frameon=False, labelspacing=0.8)
+
+
+def _list(text: str, names: Sequence[str]) -> str:
+    """Return a text with names, or with their number if the line would be too long."""
+    line = f"{text}: {', '.join(names) or 'nothing'}"
+    if len(line) <= _LEGEND_WIDTH:
+        return line
+    return textwrap.shorten(f"{text}: {pluralize(len(names), 'object')}", _LEGEND_WIDTH, placeholder=" ...")
 
 
 def draw_outside(axes: Axes, data: PanelData, eye: ArrayLike | None, target: ArrayLike | None) -> None:
@@ -283,20 +322,25 @@ def draw_outside(axes: Axes, data: PanelData, eye: ArrayLike | None, target: Arr
     reach = 0.17 * float(np.linalg.norm(np.subtract(*data.bounds)))
     rows, columns = np.nonzero((picture < 1).any(axis=2))
     drawn = [np.stack([columns, rows], axis=1).astype(np.float64)]
-    starts = to_picture(camera, pose, [data.pose(k)[:3] for k in (0, 1)])
-    for k, agent in enumerate(data.agents):
-        agent_pose = data.pose(k)
+    starts = to_picture(camera, pose, data.poses[:, :3])
+    for k, (agent, agent_pose, color) in enumerate(zip(data.agents, data.poses, _colors(data), strict=True)):
         narrow = agent.attention if isinstance(agent.camera, FieldOfView) else agent.camera
         matrix = poses_to_matrices(agent_pose)
         gaze = matrix[:3, 3] + [[0, 0, 0], 1.25 * reach * matrix[:3, 2]]
         lines = [] if narrow is None else frustum(narrow, agent_pose, reach)
-        draw_lines(axes, camera, pose, lines)
+        style: dict[str, Any] = {} if len(data.agents) == 2 else {"color": color, "linewidth": 1.4}
+        draw_lines(axes, camera, pose, lines, **style)
         start, end = to_picture(camera, pose, gaze)
         if np.isfinite([start, end]).all():
             draw_arrow(axes, start, end)
         drawn += [to_picture(camera, pose, line) for line in [gaze, *lines]]
-        is_left = starts[k, 0] <= starts[1 - k, 0]
-        draw_name(axes, agent.name, starts[k], (-9 if is_left else 9, 9), "right" if is_left else "left")
+        is_left = starts[k, 0] <= np.delete(starts[:, 0], k).mean()
+        near = neighbor(starts, k, _NEAR)
+        if near is None:
+            draw_name(axes, agent.name, starts[k], (-9 if is_left else 9, 9), "right" if is_left else "left")
+        else:  # away from an agent nearby; rows of the picture count downwards
+            above = near[1] > 0
+            draw_name(axes, agent.name, starts[k], (0, 12 if above else -12), "center", "bottom" if above else "top")
     _crop(axes, np.concatenate(drawn), camera)
     axes.set(title="From outside")
     axes.set_axis_off()
@@ -323,8 +367,8 @@ def _outside_pose(data: PanelData, eye: ArrayLike | None, target: ArrayLike | No
         pose = look_at(center + direction, center, up=scene.up)
         pose[:3] = center + direction * fitting_distance(OUTSIDE_CAMERA, pose, center, low, high, margin=_MARGIN_SHARE)
         poses.append(pose)
-        places = to_picture(OUTSIDE_CAMERA, pose, [data.pose(agent)[:3] for agent in (0, 1)])
-        distances.append(np.linalg.norm(places[0] - places[1]))
+        places = to_picture(OUTSIDE_CAMERA, pose, data.poses[:, :3])
+        distances.append(min(np.linalg.norm(one - other) for one, other in itertools.combinations(places, 2)))
     interesting = sorted({*data.states, *data.bodies}) or list(range(len(scene)))
     small = Camera.from_fov(160, 120, hfov=OUTSIDE_CAMERA.hfov)
     # Among poses that show about as much, prefer the one with the agents farthest apart in the picture.

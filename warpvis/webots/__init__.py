@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from warpvis.webots._agents import robot_agent
+from warpvis.webots._color_images import render_color
 from warpvis.webots._controller import DepthEye
 from warpvis.webots._devices import Device, Lens
 from warpvis.webots._lidars import Lidar
@@ -30,7 +32,9 @@ __all__ = [
     "quantize",
     "range_values",
     "recognize",
+    "render_color",
     "render_lidar",
     "render_range",
+    "robot_agent",
     "segmentation_image",
 ]

@@ -1,29 +1,31 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Materials, textures and texture coordinates of Webots' Shapes; lights and background of its worlds.
+"""Materials, textures and texture coordinates of Webots' Shapes.
 
-Webots converts the colors of lights and materials to linear RGB (src/wren/LightNode.cpp) and sums light in that space.
-Fields and their defaults are those of its reference: light.md, directionallight.md, pointlight.md, spotlight.md, and
-background.md. Texture coordinates of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid follow its
-src/wren/StaticMesh.cpp, whose v is downward; here v is upward. Extrusion, Capsule, UV spheres, IndexedFaceSets without
-texCoord, and mesh files have none.
+Texture coordinates of Box, Plane, Cylinder, Cone, Sphere and ElevationGrid follow Webots' src/wren/StaticMesh.cpp,
+whose v is downward; here v is upward. Those of a Mesh are in its file, and so are its normals. Extrusion, Capsule, UV
+spheres and IndexedFaceSets without texCoord have none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.user_warnings import warn_user
 from warpvis.errors import FileFormatError, WarpvisError
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.lights import Background, Light, LightKind
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap, linear_color
-from warpvis.webots._nodes import Node, Transform
+from warpvis.scene.normals import have_direction, transform_normals
+from warpvis.webots._nodes import Node
+from warpvis.webots.protos._appearances import stand_in_appearance
+from warpvis.webots.shapes._mesh_attributes import mesh_attributes
 from warpvis.webots.shapes._polygons import Points, Triangles, split_polygons, triangulate, tuples
 
 Find = Callable[[str, Node], Path | None]
@@ -34,20 +36,38 @@ _WRAPS: dict[bool, Wrap] = {True: "repeat", False: "clamp"}
 Corners = NDArray[np.float64]
 """Positions of the corners of triangles in the node's frame, z up [m], shape ``(m, 3, 3)``."""
 
-LIGHTS: dict[str, LightKind] = {"DirectionalLight": "directional", "PointLight": "point", "SpotLight": "spot"}
+APPEARANCES = ("PBRAppearance", "Appearance")
+MESH_FILES = ("Mesh", "CadShape")
+_MAPS = ("roughnessMap", "metalnessMap", "normalMap", "occlusionMap", "emissiveColorMap")
 
-_SKY_FACES = ("right", "left", "top", "bottom", "front", "back")
-"""Faces of a background, in the order of OpenGL's cube maps (src/webots/nodes/WbBackground.cpp)."""
 
-# The shader samples (x, y, -z), resources/wren/shaders/skybox.frag. For worlds with z up, WbBackground.cpp swaps and
-# rotates the images (gCoordinateSystemSwap, gCoordinateSystemRotate), which is equivalent to rotating the world.
-_WORLD_TO_CUBE = {
-    "y": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
-    "z": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0)),
-}
+class AppearanceFiles:
+    """The files of a world's appearances, which are read on first use; missing ones cause one warning per world."""
 
-_NO_ATTENUATION = (1.0, 0.0, 0.0)
-_LOCATIONS = {"SpotLight": (0.0, 0.0, 10.0)}
+    def __init__(self, world: Path, find: Find, expand: Callable[[Node], Node | None]) -> None:
+        """Store the world's file, and functions that find a node's file and expand an appearance PROTO."""
+        self.find = find
+        self._world, self._expand, self._has_warned = world, expand, False
+
+    def resolve(self, node: Node) -> Node | None:
+        """Return the PBRAppearance or Appearance of a node: expanded, or a stand-in; None for an unknown PROTO.
+
+        A PROTO without a file, or whose base color texture is missing, becomes a PBRAppearance of one color.
+        """
+        found = self._expand(node)
+        if node.type in APPEARANCES:
+            return found
+        if found is not None:
+            texture = _texture_node(found)
+            if texture is None or self.find(texture.texts("url")[0], texture) is not None:
+                return found
+        substitute = stand_in_appearance(node)
+        if not self._has_warned and (found is None or substitute is not None):
+            self._has_warned = True
+            used = "used white" if substitute is None else "used a stand-in color"
+            reason = "file" if found is None else "texture"
+            warn_user(f"{self._world}: {used} for {node.type}, whose {reason} was not found", UserWarning)
+        return substitute or found
 
 
 def shape_appearance(shape: Node) -> Node | None:
@@ -66,25 +86,67 @@ class Surface(NamedTuple):
     mesh: Triangles  # in the geometry's frame
     placed: Triangles  # in the world
     level: bool  # whether it is a level surface near the ground
+    linear: NDArray[np.float64]  # linear part of the transform from the geometry's frame to the world, ``(3, 3)``
 
-    def coordinates(self) -> NDArray[np.float32] | None:
-        """Return texture coordinates of the triangles' corners; None without a texture or coordinates."""
-        if self.appearance is None or _texture_node(self.appearance) is None:
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the corners of triangles are reversed in the world."""
+        return self.placed[1] is not self.mesh[1]
+
+    def normals(self, find: Find) -> NDArray[np.float64] | None:
+        """Return the normals of a mesh file at the triangles' corners in the world, ``(m, 3, 3)``; None without any.
+
+        Invalid ones are replaced by those of the triangles.
+        """
+        if self.geometry.type not in MESH_FILES:
             return None
         try:
-            uv = texture_coordinates(self.geometry, *self.mesh, mirrored=self.placed[1] is not self.mesh[1])
+            found = mesh_attributes(self.geometry, find).normals
+        except WarpvisError:  # does not affect depth
+            return None
+        if found is None or len(found) != len(self.mesh[1]):
+            return None
+        rows = transform_normals(found[:, ::-1] if self.is_mirrored else found, self.linear)
+        is_bad = ~have_direction(rows)
+        rows[is_bad] = np.repeat(self.flat_normals()[:, None], 3, axis=1)[is_bad]
+        return rows
+
+    def flat_normals(self) -> NDArray[np.float64]:
+        """Return the normals of the triangles in the world, shape ``(m, 3)``; up for triangles without area."""
+        vertices, faces = self.placed
+        a, b, c = (vertices[faces[:, number]] for number in range(3))
+        flat = np.cross(b - a, c - a)
+        flat[~have_direction(flat)] = (0.0, 0.0, 1.0)
+        return flat
+
+    def coordinates(self, find: Find) -> NDArray[np.float32] | None:
+        """Return texture coordinates of the triangles' corners; None without a texture or coordinates."""
+        if self.appearance is None or not any(_texture_nodes(self.appearance)):
+            return None
+        try:
+            if self.geometry.type in MESH_FILES:
+                rows = mesh_attributes(self.geometry, find).uv
+                if rows is None or len(rows) != len(self.mesh[1]):
+                    return None
+                uv: NDArray[np.float32] | None = (rows[:, ::-1] if self.is_mirrored else rows).astype(np.float32)
+            else:
+                uv = texture_coordinates(self.geometry, *self.mesh, mirrored=self.is_mirrored)
             change = self.appearance.node("textureTransform")
             return uv if uv is None or change is None else _transformed(uv, change)
         except WarpvisError:  # does not affect depth
             return None
 
 
-def join_appearances(surfaces: Sequence[Surface], find: Find) -> LazyAppearance | None:
+def join_appearances(surfaces: Sequence[Surface], files: AppearanceFiles) -> LazyAppearance | None:
     """Return the deferred appearance of an object of shapes, in the order of its triangles; None if it has none."""
-    return LazyAppearance(partial(_joined, surfaces, find)) if any(item.appearance for item in surfaces) else None
+    shown = any(item.appearance or item.geometry.type in MESH_FILES for item in surfaces)
+    return LazyAppearance(partial(_joined, surfaces, files)) if shown else None
 
 
-def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
+def _joined(surfaces: Sequence[Surface], files: AppearanceFiles) -> Appearance | None:
+    nodes = {id(item.appearance): item.appearance for item in surfaces}
+    resolved = {key: None if node is None else files.resolve(node) for key, node in nodes.items()}
+    surfaces = [surface._replace(appearance=resolved[id(surface.appearance)]) for surface in surfaces]
     numbers: dict[int, int] = {}
     found: list[Material | None] = []
     rows: list[NDArray[np.int32]] = []
@@ -92,11 +154,18 @@ def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
         node = surface.appearance
         if id(node) not in numbers:
             numbers[id(node)] = len(found)
-            found.append(None if node is None else _material(node, find))
+            found.append(None if node is None else _material(node, files.find))
         rows.append(np.full(len(surface.mesh[1]), numbers[id(node)], dtype=np.int32))
-    if not any(found):
+    normal_parts = [surface.normals(files.find) for surface in surfaces]
+    normals = None
+    if any(part is not None for part in normal_parts):
+        pairs = zip(surfaces, normal_parts, strict=True)
+        normals = np.concatenate(
+            [np.repeat(one.flat_normals()[:, None], 3, axis=1) if rows is None else rows for one, rows in pairs]
+        )
+    if not any(found) and normals is None:
         return None
-    parts = [surface.coordinates() for surface in surfaces]
+    parts = [surface.coordinates(files.find) for surface in surfaces]
     uv = None
     if any(part is not None for part in parts):
         sizes = [len(row) for row in rows]
@@ -104,7 +173,7 @@ def _joined(surfaces: Sequence[Surface], find: Find) -> Appearance | None:
             [np.zeros((size, 3, 2)) if part is None else part for part, size in zip(parts, sizes, strict=True)]
         )
     materials = tuple(item or Material() for item in found)
-    return Appearance(materials, np.concatenate(rows) if len(found) > 1 else None, uv=uv)
+    return Appearance(materials, np.concatenate(rows) if len(found) > 1 else None, uv=uv, normals=normals)
 
 
 def _material(appearance: Node, find: Find) -> Material | None:
@@ -112,19 +181,28 @@ def _material(appearance: Node, find: Find) -> Material | None:
     try:
         texture = _texture(_texture_node(appearance), find)
         if appearance.type == "PBRAppearance":
-            return _pbr(appearance, texture)
+            return _pbr(appearance, texture, find)
         if appearance.type != "Appearance":
             return None
         node = appearance.node("material")
-        return _classic(node, texture) if node is not None else None if texture is None else Material(texture=texture)
+        if node is not None:
+            return _classic(node, texture)
+        return None if texture is None else Material(texture=texture, tone_mapped=True)
     except WarpvisError:  # does not affect depth
         return None
 
 
-def _texture_node(appearance: Node) -> Node | None:
-    """Return the ImageTexture of an appearance node; None if it is missing or invalid."""
+def _texture_nodes(appearance: Node) -> Iterator[Node | None]:
+    """Return the ImageTextures of an appearance node."""
+    yield _texture_node(appearance)
+    if appearance.type == "PBRAppearance":
+        yield from (_texture_node(appearance, field) for field in _MAPS)
+
+
+def _texture_node(appearance: Node, field: str | None = None) -> Node | None:
+    """Return the ImageTexture of an appearance node, by default of its color; None if it is missing or invalid."""
     try:
-        found = appearance.node("baseColorMap" if appearance.type == "PBRAppearance" else "texture")
+        found = appearance.node(field or ("baseColorMap" if appearance.type == "PBRAppearance" else "texture"))
     except WarpvisError:  # does not affect depth
         return None
     return found if found is not None and found.type == "ImageTexture" and found.texts("url") else None
@@ -149,18 +227,54 @@ def _transformed(uv: NDArray[np.float32], change: Node) -> NDArray[np.float32]:
     return (((uv + move + center) @ rotation.T) * scale - center).astype(np.float32)
 
 
-def _pbr(node: Node, texture: Texture | None) -> Material:
+def _map(node: Node, field: str, find: Find) -> Texture | None:
+    """Read a map of a PBRAppearance, whose colors are linear; None if its file is not available."""
+    found = _texture_node(node, field)
+    if found is None or find(found.texts("url")[0], found) is None:
+        return None
+    return replace(_texture(found, find), color_space="linear")  # type: ignore[type-var]  # the node has a file
+
+
+def _pack_maps(roughness: Texture | None, metalness: Texture | None) -> Texture | None:
+    """Join maps of roughness and metalness, both red, to one as in glTF: green and blue, at the larger size."""
+    from PIL import Image
+
+    first = roughness or metalness
+    if first is None:
+        return None
+    found = [None if item is None else item.image[..., 0] for item in (roughness, metalness)]
+    height, width = (max(item.shape[axis] for item in found if item is not None) for axis in (0, 1))
+    packed = np.full((height, width, 3), 255, dtype=np.uint8)
+    for channel, image in enumerate(found, 1):
+        if image is not None:
+            packed[..., channel] = np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR))
+    return replace(first, source=packed)
+
+
+def _pbr(node: Node, texture: Texture | None, find: Find) -> Material:
+    """Read a PBRAppearance; maps replace numbers, as in Webots (resources/wren/shaders/pbr.frag)."""
     strength = max(0.0, node.number("emissiveIntensity", 1.0))
     alpha = 1 - _unit(node.number("transparency", 0.0))
+    roughness, metalness, normal, occlusion, glow = (_map(node, field, find) for field in _MAPS)
+    emission = np.clip(node.vector("emissiveColor", (0.0, 0.0, 0.0)), 0.0, 1.0) if glow is None else np.ones(3)
     return Material(
         node.text("name", "") or node.name or "",
         (*_color(node, "baseColor", (1.0, 1.0, 1.0)), alpha),
         "linear",
         texture,
         "blend" if alpha < 1 else "opaque",
-        metallic=_unit(node.number("metalness", 1.0)),
-        roughness=_unit(node.number("roughness", 0.0)),
-        emission=tuple((strength * np.clip(node.vector("emissiveColor", (0.0, 0.0, 0.0)), 0.0, 1.0)).tolist()),
+        metallic=_unit(node.number("metalness", 1.0)) if metalness is None else 1.0,
+        roughness=_unit(node.number("roughness", 0.0)) if roughness is None else 1.0,
+        emission=tuple((strength * emission).tolist()),
+        metallic_roughness_texture=_pack_maps(roughness, metalness),
+        normal_texture=normal,
+        normal_scale=node.number("normalMapFactor", 1.0),
+        occlusion_texture=occlusion,
+        occlusion_strength=_unit(node.number("occlusionMapStrength", 1.0)),
+        emissive_texture=glow,
+        shading="webots",
+        ambient_strength=max(0.0, node.number("IBLStrength", 1.0)),
+        tone_mapped=True,
     )
 
 
@@ -177,6 +291,7 @@ def _classic(node: Node, texture: Texture | None) -> Material:
         specular=_color(node, "specularColor", (0.0, 0.0, 0.0)) if plain else (0.0, 0.0, 0.0),
         shininess=128 * _unit(node.number("shininess", 0.2)) if plain else 0.0,  # the exponent of OpenGL
         emission=_color(node, "emissiveColor", (0.0, 0.0, 0.0)),
+        tone_mapped=True,
     )
 
 
@@ -303,70 +418,3 @@ _SHAPES: dict[str, Callable[[Node, Corners], NDArray[np.float64] | None]] = {
     "Plane": _plane,
     "Sphere": _sphere,
 }
-
-
-def read_lights(node: Node, transform: Transform) -> list[Light]:
-    """Read a light and its ambient light; return an empty list if it is off or cannot be read.
-
-    Directional lights are in the world frame, regardless of parent nodes; others in the frame of their node.
-    """
-    try:
-        return _lights(node, transform) if node.flag("on", True) else []
-    except WarpvisError:  # does not affect depth
-        return []
-
-
-def _lights(node: Node, transform: Transform) -> list[Light]:
-    kind, name = LIGHTS[node.type], node.name or ""
-    color = linear_color(np.clip(node.vector("color", (1.0, 1.0, 1.0)), 0, 1))
-    attenuation = tuple(np.maximum(node.vector("attenuation", _NO_ATTENUATION), 0).tolist())
-    ambient = max(0.0, node.number("ambientIntensity", 0.0))
-    found = []
-    if kind == "directional":
-        attenuation = _NO_ATTENUATION
-    elif attenuation != _NO_ATTENUATION:
-        ambient = 0.0  # the reference allows only one of the two
-    if ambient:
-        added = tuple(ambient * part for part in color)
-        found.append(Light("ambient", name, color=(0.0, 0.0, 0.0), ambient=added, color_space="linear"))  # type: ignore[arg-type]
-    direction = node.vector("direction", (0.0, 0.0, -1.0))
-    outer = float(np.clip(node.number("cutOffAngle", np.pi / 4), 0, np.pi / 2))
-    place = transform.offset + transform.linear @ node.vector("location", _LOCATIONS.get(node.type, (0.0, 0.0, 0.0)))
-    turned = transform.rotation @ direction if kind == "spot" else direction
-    found.append(
-        Light(
-            kind,
-            name,
-            tuple(place.tolist()),
-            tuple(turned.tolist()) if turned.any() else (0.0, 0.0, -1.0),
-            color=color,  # type: ignore[arg-type]
-            intensity=max(0.0, node.number("intensity", 1.0)),
-            color_space="linear",
-            falloff="webots",
-            attenuation=attenuation if any(attenuation) else _NO_ATTENUATION,
-            reach=np.inf if kind == "directional" else max(0.0, node.number("radius", 100.0)),
-            inner_angle=float(np.clip(node.number("beamWidth", np.pi / 2), 0, outer)),
-            outer_angle=outer,
-            cast_shadow=node.flag("castShadows", False),
-        )
-    )
-    return found
-
-
-def read_background(node: Node, up: Literal["z", "y"], find: Callable[[str, Node], Path | None]) -> Background | None:
-    """Read a Background; return None if it cannot be read. The sky is skipped unless all six images are available."""
-    try:
-        colors = node.numbers("skyColor")
-        color = np.clip(colors[:3], 0, 1) if len(colors) >= 3 else np.zeros(3)
-        luminosity = max(0.0, node.number("luminosity", 1.0))
-        urls = [next(iter(node.texts(f"{face}Url")), "") for face in _SKY_FACES]
-        files = [find(url, node) if url else None for url in urls]
-    except WarpvisError:  # does not affect depth
-        return None
-    sky = tuple(Texture(file) for file in files if file is not None)
-    return Background(
-        tuple(color.tolist()),
-        sky=sky if len(sky) == len(_SKY_FACES) else (),
-        world_to_cube=_WORLD_TO_CUBE[up],
-        luminosity=luminosity,
-    )

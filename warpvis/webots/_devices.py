@@ -21,6 +21,16 @@ Kind = Literal["range-finder", "camera", "kinect"]
 Projection = Literal["planar", "cylindrical", "spherical"]
 PROJECTIONS: tuple[Projection, ...] = ("planar", "cylindrical", "spherical")
 
+_COSMETIC = {
+    "noise": 0.0,
+    "colorNoise": 0.0,
+    "motionBlur": 0.0,
+    "ambientOcclusionRadius": 0.0,
+    "bloomThreshold": -1.0,
+    "exposure": 1.0,
+}
+"""Fields of a Camera that change its colors, and their values without an effect."""
+
 DEFAULT_FOV = 0.785398
 """Webots' default field of view, which also replaces invalid ones [rad]."""
 
@@ -73,6 +83,8 @@ class Device:
     """Version of its file, which determines the device's axes."""
     recognition: Node | None = None
     """A camera's `Recognition` node."""
+    ignored: tuple[str, ...] = ()
+    """Fields of a camera that change its colors in Webots, but not in `render_color`, such as ``"motionBlur"``."""
     notes: tuple[str, ...] = ()
     """Corrections of invalid fields, the same that Webots makes."""
 
@@ -137,8 +149,17 @@ def read_device(node: Node, place: NDArray[np.float64], robot: str, protos: Sequ
         pose=poses_to_opencv(place, node.version.axes)[0],
         version=node.version,
         recognition=None if measures else node.node("recognition"),
+        ignored=() if measures else _ignored_fields(node),
         notes=tuple(notes),
     )
+
+
+def _ignored_fields(node: Node) -> tuple[str, ...]:
+    """Return the fields of a Camera that have an effect on its colors, but are ignored."""
+    found = [name for name, neutral in _COSMETIC.items() if node.number(name, neutral) != neutral]
+    found += ["antiAliasing"] if node.flag("antiAliasing", False) else []
+    found += ["noiseMaskUrl"] if any(node.texts("noiseMaskUrl")) else []
+    return (*found, *(name for name in ("focus", "lensFlare") if node.node(name) is not None))
 
 
 def _size(node: Node, name: str, notes: list[str]) -> int:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.labels import Label
 from warpvis.scene import Part
-from warpvis.webots._appearance import Find, Surface, join_appearances
+from warpvis.webots._appearance import AppearanceFiles, Surface, join_appearances
 from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
 from warpvis.webots._nodes import Node, Transform, Value, Version, new_node, replaced
@@ -82,7 +82,18 @@ class Solid:
     ground: bool = False
     recognized: bool = False
     arena: bool = False
+    parent: Solid | None = None  # the Solid that contains it
+    frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))  # its axes and origin in the world
+    axes: tuple[int, int] = (2, 0)  # axes of the frame along which a person stands and looks
+    eyes: NDArray[np.float64] | None = None  # OpenCV pose of the eyes of a person, ``(7,)``, if it has a node of them
     parts: list[Surface] = field(default_factory=list)
+
+    def chain(self) -> Iterator[Solid]:
+        """Iterate over it and the Solids that contain it, innermost first."""
+        solid: Solid | None = self
+        while solid is not None:
+            yield solid
+            solid = solid.parent
 
     def label(self) -> Label:
         """Choose the label by the rules of `warpvis.webots.load_webots`."""
@@ -172,7 +183,7 @@ def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple
     return tuple(name for solid in solids for name in names.get(solid, ()))
 
 
-def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[Solid, list[str]]]:
+def make_parts(solids: Iterable[Solid], files: AppearanceFiles) -> tuple[list[Part], dict[Solid, list[str]]]:
     """Build objects from all Solids with triangles, and list their names; images are loaded lazily."""
     objects: list[Part] = []
     names: dict[Solid, list[str]] = {}
@@ -181,7 +192,7 @@ def make_parts(solids: Iterable[Solid], find: Find) -> tuple[list[Part], dict[So
         if not solid.parts:
             continue
         for preferred_name, label, parts in _objects_of(solid):
-            mesh, appearance = join([part.placed for part in parts]), join_appearances(parts, find)
+            mesh, appearance = join([part.placed for part in parts]), join_appearances(parts, files)
             objects.append(Part(taken.take(preferred_name), mesh, label, appearance=appearance))
             names.setdefault(solid, []).append(objects[-1].name)
     return objects, names

@@ -19,7 +19,7 @@ from warpvis.errors import IntrinsicsWarning, SceneError
 from warpvis.rendering import Renderer, render_wide
 from warpvis.scene import Scene
 from warpvis.webots import _ranges as ranges
-from warpvis.webots._devices import Device, Projection
+from warpvis.webots._devices import Device, Lens, Projection
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._nodes import Version
 from warpvis.webots._world import WebotsWorld
@@ -71,7 +71,7 @@ def render_range(
         SceneError: If there is no such device, or `webots_version` is given for a camera.
     """
     device = find_device(world, device_name)
-    exclude = _body(world, device, exclude_body)
+    exclude = hidden_body(world, device, exclude_body)
     if webots_version is None:
         if device.bends:
             warnings.warn(
@@ -88,12 +88,17 @@ def render_range(
     version = _release(world, webots_version)
     pixels: NDArray[np.float32] | None = None
     outside: NDArray[np.bool_] | None = None
-    if device.bends and device.lens is not None:
-        lens = device.lens
-        pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
-        outside = np.any(~((pixels >= 0) & (pixels < (device.width, device.height))), axis=2)
+    if device.bends:
+        pixels, outside = distorted_pixels(device)
     depth = _drawn_depth(world.scene, device, exclude, threads, pixels)[None]
     return _measured(depth, device, version, device.projection, seed, outside)
+
+
+def distorted_pixels(device: Device) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return where each pixel of a distorted image is in the undistorted one, and whether that is outside of it."""
+    lens = device.lens or Lens()
+    pixels = ranges.distort_pixels(device.width, device.height, lens.center, lens.radial, lens.tangential)
+    return pixels, np.any(~((pixels >= 0) & (pixels < (device.width, device.height))), axis=2)
 
 
 def _depth(
@@ -213,7 +218,7 @@ def render_lidar(
         SceneError: If there is no such lidar, or it has too many rays.
     """
     lidar = find_lidar(world, lidar_name)
-    exclude = _body(world, lidar, exclude_body) or None
+    exclude = hidden_body(world, lidar, exclude_body) or None
     if webots_version is None:
         seen = Renderer(world.scene, lidar.rays, outputs=("depth",), cull_backfaces=True, threads=threads)
         return seen.render(lidar.pose, exclude=exclude).depth.numpy()[0]
@@ -233,7 +238,7 @@ def _find(known: Mapping[str, _Item], kind: str, name: str) -> _Item:
     return known[name]
 
 
-def _body(world: WebotsWorld, item: Device | Lidar, exclude_body: bool) -> list[str]:
+def hidden_body(world: WebotsWorld, item: Device | Lidar, exclude_body: bool) -> list[str]:
     """List the objects of an item's robot, if they are to be hidden."""
     return list(world.robots.get(item.robot, ())) if check_flag(exclude_body, "exclude_body") else []
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import re
+import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -16,14 +17,16 @@ import numpy as np
 
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.checks import pluralize
+from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
 from warpvis.scene.lights import Background, Light
-from warpvis.webots._appearance import LIGHTS, Surface, read_background, read_lights, shape_appearance
+from warpvis.webots._appearance import APPEARANCES, Surface, shape_appearance
 from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
 from warpvis.webots._lidars import Lidar, read_lidar
+from warpvis.webots._lights import LIGHTS, expand_background, find_irradiance, read_background, read_lights
 from warpvis.webots._nodes import Node, Transform, nodes_in
 from warpvis.webots._parts import (
     JOINTS,
@@ -50,6 +53,8 @@ from warpvis.webots.protos._standins import DEPTH_CAMERAS, KNOWN, expand_depth_c
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, reset_fields, tessellate
 from warpvis.webots.shapes._polygons import Triangles
 
+EYES = "EYES"
+"""DEF name, in any case, of the Pose of a person's eyes, which looks in the direction of cameras."""
 MAX_VISITED = 1_000_000
 """Maximum number of visited nodes of a world, each USE counted as a copy."""
 MAX_TRIANGLES = 50_000_000
@@ -78,6 +83,9 @@ class Reader:
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
         self.lights: list[Light] = []
         self.background: Background | None = None
+        self.irradiance: tuple[Path, ...] = ()
+        self.materials: Counter[str] = Counter()
+        """Number of shapes with an Appearance, and with a PBRAppearance or a PROTO of one."""
         self.skipped: Counter[str] = Counter()
         self.below: Counter[str] = Counter()  # number of nodes in the fields of skipped nodes
         self.stand_ins: Counter[str] = Counter()
@@ -90,6 +98,7 @@ class Reader:
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by id of the node, with the node to keep it alive
         self._triangles = 0
+        self._lock = threading.Lock()
         self._taken = {kind: Names() for kind in ("recognized", "devices", "lidars", "robots")}
         with self._leaving_out():
             self.up = vertical_axis(world, self.notes)
@@ -126,11 +135,13 @@ class Reader:
     def _visit(self, step: Step) -> Iterable[Step]:
         """Collect a node; return steps for its parts."""
         node = step.node
-        if node.type in LIGHTS:
-            self.lights += [] if step.origin else read_lights(node, step.transform)
-        if node.type == "Background" and self.background is None:
-            self.background = read_background(node, self.up, self.find_mesh)
         if node.type in UNSEEN:
+            lit = expand_background(node, self.up)
+            if lit.type in LIGHTS:
+                self.lights += [] if step.origin else read_lights(lit, step.transform)
+            if lit.type == "Background" and self.background is None:
+                self.background = read_background(lit, self.up, self.find_mesh)
+                self.irradiance = find_irradiance(lit, self.find_mesh)
             return ()
         if node.type in ("Shape", "CadShape"):
             self._add_shape(step)
@@ -140,6 +151,8 @@ class Reader:
         elif node.type in TRANSFORMS:
             transform = step.transform.within(node, corrected_scale(node, self.notes))
             step = step._replace(transform=transform, called=node.name or step.called)
+            if node.name is not None and node.name.upper() == EYES and step.owner is not None:
+                step.owner.eyes = poses_to_opencv(transform.rigid(), node.version.axes)[0]
         elif node.type in PARTS:
             step = step._replace(called=node.name or step.called)
         else:
@@ -226,7 +239,7 @@ class Reader:
         is_part = step.is_part
         transform = step.transform.within(node, corrected_scale(node, self.notes))
         if not is_part:
-            step = self._begin_solid(step, name)
+            step = self._begin_solid(step, name, transform)
         step = self._begin_extent(step, transform)
         found: Device | Lidar | None = None
         with self._leaving_out():
@@ -249,7 +262,7 @@ class Reader:
         depth = step.depth + (not is_part)
         return step._replace(transform=transform, called=node.name or step.called, depth=depth)
 
-    def _begin_solid(self, step: Step, name: str) -> Step:
+    def _begin_solid(self, step: Step, name: str, transform: Transform) -> Step:
         """Begin an object, and register it with its robots and recognizable Solid."""
         node = step.node
         human = step.human or is_human(name)
@@ -262,6 +275,8 @@ class Reader:
             recognized = (known,)
         types = {instance.type for instance in step.instances}
         solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognized), bool(types & _ARENAS))
+        solid.parent, solid.frame = step.owner, transform.rigid()
+        solid.axes = (2, 0) if node.version.z_up else (1, 2)
         self.solids.append(solid)
         for robot in robots:
             self.robots[robot].append(solid)
@@ -310,7 +325,10 @@ class Reader:
             raise FileFormatError(f"{node.place}: expected {node.type} within {FARTHEST:g} m of the origin")
         faces = keep_winding(faces, step.transform.linear)
         level = is_level(placed, faces, "xyz".index(self.up))
-        owner.parts.append(Surface(shape_appearance(node), geometry, mesh, (placed, faces), level))
+        appearance = shape_appearance(node)
+        if appearance is not None:
+            self.materials["Appearance" if appearance.type == "Appearance" else "PBRAppearance"] += 1
+        owner.parts.append(Surface(appearance, geometry, mesh, (placed, faces), level, step.transform.linear))
         if step.recognized and step.extent is not None:
             step.extent.parts.append(ball_about(placed))
 
@@ -328,6 +346,19 @@ class Reader:
                 self.skipped[f"{geometry.type} {' '.join(geometry.texts('url'))}".strip()] += 1
             known = self._meshes[id(geometry)] = (geometry, mesh)
         return known[1]
+
+    def expand_appearance(self, node: Node) -> Node | None:
+        """Expand an appearance PROTO from its file; return None without a readable file. Any thread may call it."""
+        if node.type in APPEARANCES:
+            return node
+        with self._lock:
+            try:
+                body = self._protos.expand(node)
+            except FileFormatError:  # does not affect depth
+                body = None
+            finally:
+                self._protos.close()
+        return body if body is not None and body.type in APPEARANCES else None
 
     def find_mesh(self, url: str, node: Node) -> Path | None:
         """Find the file of a URL in the project, in Webots' folders on the search path, or in Webots' cache."""

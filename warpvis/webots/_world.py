@@ -15,12 +15,16 @@ from warpvis.core.labels import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene
+from warpvis.visibility import Agent
+from warpvis.webots._appearance import AppearanceFiles
 from warpvis.webots._detection import Bounds
 from warpvis.webots._devices import Device
 from warpvis.webots._grammar import parse_world
 from warpvis.webots._lidars import Lidar
+from warpvis.webots._lights import scene_lights
 from warpvis.webots._nodes import Node, Version
 from warpvis.webots._parts import Solid, make_parts, names_of
+from warpvis.webots._people import find_people
 from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
 from warpvis.webots._walk import Reader
 
@@ -43,6 +47,10 @@ class WebotsWorld:
     """Lidars by name; duplicate names become ``"name (2)"``, ..."""
     robots: dict[str, tuple[str, ...]]
     """Names of the objects of each robot, including objects that it carries."""
+    people: dict[str, Agent]
+    """People by the names of their objects: outermost Solids labeled as human. Their eyes are at a descendant
+    ``DEF EYES Pose``, looking along x (before R2022a along -z); otherwise those of a standing adult of the same height,
+    looking along the Solid's x axis (before R2022a along z, as pedestrians do)."""
     recognizable: dict[str, tuple[Node, tuple[str, ...]]]
     """Node and object names of each Solid with `recognitionColors`."""
     bounds: Bounds
@@ -125,6 +133,7 @@ def load_webots(
         reader.devices,
         reader.lidars,
         {name: names_of(names, solids) for name, solids in reader.robots.items()},
+        find_people(reader.solids, names, scene),
         {name: (node, names_of(names, solids)) for name, (node, solids) in reader.recognizable.items()},
         Bounds(reader.bounds, reader.extents, reader.find_mesh),
         dict(reader.skipped),
@@ -153,9 +162,11 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
         raise FileFormatError(f"{path}: expected values that are valid in Webots, got others: {listed}")
     if not any(solid.parts for solid in reader.solids):
         raise SceneError(f"{message}; no triangles remain" if message else f"{path}: holds no triangles")
-    parts, names = make_parts(reader.solids, reader.find_mesh)
+    parts, names = make_parts(reader.solids, AppearanceFiles(path, reader.find_mesh, reader.expand_appearance))
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
-    lights, background = tuple(reader.lights), reader.background
+    background, count = reader.background, reader.materials
+    is_pbr = count["PBRAppearance"] > count["Appearance"]
+    lights = scene_lights(reader.lights, background, reader.irradiance, is_pbr=is_pbr)
     found = FileParts(
         path, parts, up=reader.up, defines_frame=True, warnings=sentences, lights=lights, background=background
     )

@@ -29,6 +29,7 @@ struct Job {
     // clipped ones. If surfaces nearer than `near` still occlude, these are infinity and 0.
     float clip_inv_z, clip_reach;
     bool cull_back_faces;
+    bool shows_back_faces;  // whether those of closed objects may be visible from outside
     const float* poses;  // [view]: x y z qx qy qz qw
     int points;  // per view, if rays pass through points instead of pixel centers; else 0
     const float* pixels;  // [view][point]: x and y in pixels

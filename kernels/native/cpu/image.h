@@ -97,6 +97,10 @@ struct Image {
     float clip_inv_z = __builtin_inff();  // nearer surfaces are clipped
     // for points whose lanes start with the greatest inv_z that does not occlude them, or null
     const ExactOcclusion* occlusion = nullptr;
+    // [packet][lane]: for points, the greatest inv_z of surfaces that are visible, and whether the nearer front of a
+    // solid was skipped; or null
+    float* limit = nullptr;
+    int* passed = nullptr;
     const RayTree* tree = nullptr;  // the tree whose packets are the blocks, if rays are from a ray table
 
     static inline int column_part(int x) { return Grid::column_part(x); }

@@ -34,9 +34,25 @@ struct PixelLanes {
     static inline Floats narrow(Double a) { return __builtin_convertvector(a, Floats); }
     static inline Double to_double(Ints a) { return __builtin_convertvector(a, Double); }
     static inline Ints truncate(Floats a) { return __builtin_convertvector(a, Ints); }
+    static inline Floats to_real(Ints a) { return __builtin_convertvector(a, Floats); }
+    // The numbers at indices, which no compiler gathers by the processor's instruction on its own.
+    static inline Floats gather(const float* from, Ints index) {
+#ifdef __AVX2__
+        const Octet low = octet(from, __builtin_shufflevector(index, index, 0, 1, 2, 3, 4, 5, 6, 7));
+        const Octet high = octet(from, __builtin_shufflevector(index, index, 8, 9, 10, 11, 12, 13, 14, 15));
+        return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#else
+        Floats found;
+        for (int k = 0; k < LANES; ++k) found[k] = from[index[k]];
+        return found;
+#endif
+    }
+    static inline Ints gather(const int* from, Ints index) { return (Ints)gather((const float*)from, index); }
 
     static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
     static inline bool any(Ints which) { return Lanes::any(which); }
+    static inline int first(Ints which) { return Lanes::first_lane(Lanes::bits(which)); }
+    static inline int get(Ints a, int k) { return a[k]; }
     static inline double get(Double a, int k) { return a[k]; }
     static inline void set(Floats& a, int k, float value) { a[k] = value; }
     static inline void set(Double& a, int k, double value) { a[k] = value; }
@@ -51,6 +67,7 @@ struct PixelLanes {
         __builtin_memcpy(&value, from, count * sizeof(float));
         return value;
     }
+    static inline Ints load(const int* from, int count) { return (Ints)load((const float*)from, count); }
     // Repeat each number `times` times.
     static inline bool repeats(int times) { return times == 2 || times == 4 || times == 8; }
     static inline Floats repeated(Floats a, int times) {
@@ -99,6 +116,39 @@ struct PixelLanes {
         store(to, low, 2 * count);
         if (count > LANES / 2) store(to + LANES, high, 2 * count - LANES);
     }
+    // Interleave the bytes of three colors.
+    static inline void store_triples(unsigned char* to, Ints red, Ints green, Ints blue, int count) {
+        typedef unsigned char Bytes __attribute__((ext_vector_type(LANES)));
+        const Bytes r = __builtin_convertvector(red, Bytes), g = __builtin_convertvector(green, Bytes);
+        const Bytes b = __builtin_convertvector(blue, Bytes);
+        // Red and green with gaps (-1), then blue in the gaps.
+        const Bytes p = __builtin_shufflevector(r, g, 0, 16, -1, 1, 17, -1, 2, 18, -1, 3, 19, -1, 4, 20, -1, 5);
+        const Bytes q = __builtin_shufflevector(r, g, 21, -1, 6, 22, -1, 7, 23, -1, 8, 24, -1, 9, 25, -1, 10, 26);
+        const Bytes s = __builtin_shufflevector(r, g, -1, 11, 27, -1, 12, 28, -1, 13, 29, -1, 14, 30, -1, 15, 31, -1);
+        const Bytes bytes[3] = {
+            __builtin_shufflevector(p, b, 0, 1, 16, 3, 4, 17, 6, 7, 18, 9, 10, 19, 12, 13, 20, 15),
+            __builtin_shufflevector(q, b, 0, 21, 2, 3, 22, 5, 6, 23, 8, 9, 24, 11, 12, 25, 14, 15),
+            __builtin_shufflevector(s, b, 26, 1, 2, 27, 4, 5, 28, 7, 8, 29, 10, 11, 30, 13, 14, 31),
+        };
+        if (count >= LANES)
+            __builtin_memcpy(to, bytes, sizeof bytes);
+        else
+            __builtin_memcpy(to, bytes, 3 * count);
+    }
     static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
     static inline Ints indices(int first) { return Lanes::index() + first; }
+
+#ifdef __AVX2__
+  private:
+    typedef float Octet __attribute__((ext_vector_type(8)));
+    typedef int OctetIndex __attribute__((ext_vector_type(8)));
+
+    static inline Octet octet(const float* from, OctetIndex index) {
+        typedef float Numbers __attribute__((__vector_size__(32)));
+        typedef int Whole __attribute__((__vector_size__(32)));
+        const OctetIndex all = (OctetIndex)(-1);
+        return (Octet)__builtin_ia32_gatherd_ps256((Numbers)(Octet)(0.0f), from, (Whole)index, (Numbers)all,
+                                                   sizeof(float));
+    }
+#endif
 };

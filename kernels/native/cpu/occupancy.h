@@ -70,7 +70,7 @@ struct SurfaceRow {
     }
 };
 
-// A grid of blocks; see `Blocks` of kernels/maps/occupancy.py.
+// A grid of blocks; see `Blocks` of kernels/maps/occupancy_blocks.py.
 struct BlockGrid {
     int first[3], size[3];  // [blocks]
     double cell;
@@ -242,16 +242,14 @@ struct VoxelBlock {
 
     // The values of a block, as it is updated.
     struct Summary {
-        short first;
-        Shorts different, unseen;
+        Shorts lowest = (Shorts)(32767), highest = (Shorts)(-32768);
 
         inline void add(Shorts values) {
-            different |= values != first;
-            unseen |= values == (short)NEVER_SEEN;
+            lowest = __builtin_elementwise_min(lowest, values);
+            highest = __builtin_elementwise_max(highest, values);
         }
-        static inline bool any(Shorts mask) { return Lanes::any(__builtin_convertvector(mask, Ints)); }
-        inline bool is_uniform() const { return !any(different); }
-        inline bool has_unseen() const { return any(unseen); }
+        inline int low() const { return __builtin_reduce_min(lowest); }
+        inline int high() const { return __builtin_reduce_max(highest); }
     };
 
     inline Shorts load(int offset) const {
@@ -262,17 +260,13 @@ struct VoxelBlock {
     inline void update(const BlockView& view, int offset, const Judgment& judged, Summary* summary) const {
         const Shorts value = view.updated(load(offset), judged);
         __builtin_memcpy(values + offset, &value, sizeof value);
-        summarize(offset, value, summary);
-    }
-    static inline void summarize(int offset, Shorts value, Summary* summary) {
-        if (offset == 0) summary->first = value[0];
         summary->add(value);
     }
     // Update all voxels alike.
     inline Summary update(const BlockView& view, bool is_free) const {
         const Shorts all = (Shorts)(-1), none = (Shorts)(0);
         const Judgment judged = {.hit = none, .missed = is_free ? all : none, .hidden = is_free ? none : all};
-        Summary summary = {};
+        Summary summary;
         for (int offset = 0; offset < BLOCK_SIZE; offset += LANES) update(view, offset, judged, &summary);
         return summary;
     }
@@ -302,11 +296,11 @@ struct VoxelBlock {
         const Floats z = __builtin_convertvector(Lanes::index() % BLOCK_EDGE, Floats);
         Floats first[3];  // positions of the first two rows
         for (int k = 0; k < 3; ++k) first[k] = position[k] + y * view.step[1][k] + z * view.step[2][k];
-        Summary summary = {};
+        Summary summary;
         for (int offset = 0; offset < BLOCK_SIZE; offset += LANES) {
             const Shorts old = load(offset);
             if (!view.may_change(old, states)) {
-                summarize(offset, old, &summary);
+                summary.add(old);
                 continue;
             }
             const float i = offset / (BLOCK_EDGE * BLOCK_EDGE), j = offset / BLOCK_EDGE % BLOCK_EDGE;

@@ -169,14 +169,23 @@ struct Writer {
         return n;
     }
 
-    // Indices of triangles in their objects' own meshes, -1 if nothing is visible, and for solids.
-    inline Ints faces(Ints ids, Ints seen) {
+    // A number of each triangle that is seen, -1 elsewhere: adjacent pixels mostly share a triangle.
+    template <class Function>
+    static inline Ints of_triangles(Ints ids, Ints seen, const Function& number) {
         int of[LANES];
         Lanes::store(of, ids);
-        for (const int k : Lanes::each(seen)) {
-            of[k] = face_of(of[k]);
-        }
+        const unsigned remaining = Lanes::bits(seen);
+        if (!remaining) return Lanes::all_ints(-1);
+        const int first = of[Lanes::first_lane(remaining)], number_of_first = number(first);
+        const unsigned others = remaining & ~Lanes::bits(ids == first);
+        if (!others) return seen ? Lanes::all_ints(number_of_first) : Lanes::all_ints(-1);
+        for (const int k : Lanes::each(remaining)) of[k] = number(of[k]);
         return seen ? Lanes::load(of) : Lanes::all_ints(-1);
+    }
+
+    // Indices of triangles in their objects' own meshes, -1 if nothing is visible, and for solids.
+    inline Ints faces(Ints ids, Ints seen) {
+        return of_triangles(ids, seen, [&](int id) { return face_of(id); });
     }
 
     inline int face_of(int id) {
@@ -187,12 +196,7 @@ struct Writer {
     // Objects at a row of pixels, -1 if nothing is visible; `id` holds triangles or objects, depending on the mode.
     inline Ints objects(Ints id, Ints seen) {
         if (mode != MODE_TRIANGLES) return seen ? id : Lanes::all_ints(-1);
-        int of[LANES];
-        Lanes::store(of, id);
-        for (const int k : Lanes::each(seen)) {
-            of[k] = lookup.object_of(of[k]);
-        }
-        return seen ? Lanes::load(of) : Lanes::all_ints(-1);
+        return of_triangles(id, seen, [&](int triangle) { return lookup.object_of(triangle); });
     }
 
     // Adjacent pixels mostly show the same object.

@@ -107,7 +107,8 @@ struct Packets {
 
     static inline Camera static_camera(const View& view) {
         Camera camera = view.camera;
-        camera.skip_back_faces = view.scene.outside_all(view.world, view.pose, view.job.clip_reach);
+        camera.skip_back_faces =
+            !view.job.shows_back_faces && view.scene.outside_all(view.world, view.pose, view.job.clip_reach);
         // If all static objects are closed, this covers all back faces, without a lookup of their owners.
         camera.cull_back_faces |= camera.skip_back_faces && view.scene.bvh.all_closed;
         if (view.scene.movables.excludes_static(view.world)) camera.excluded = view.world.excluded;
@@ -134,7 +135,7 @@ struct Packets {
             __builtin_memcpy(frame.viewpoint, camera.exact_origin, sizeof camera.exact_origin);
             for (int k = 0; k < 3; ++k) frame.shrink[k] = 1.0 / stretch.factor[k];
         }
-        camera.skip_back_faces = movables.closed[movable] && !in_box;
+        camera.skip_back_faces = movables.closed[movable] && !in_box && !view.job.shows_back_faces;
         camera.cull_back_faces |= camera.skip_back_faces;
         if (movables.object[movable] < 0) camera.excluded = view.world.excluded;
         return camera;

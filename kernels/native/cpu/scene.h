@@ -264,6 +264,19 @@ struct Lookup {
         return Points{n[0], n[1], n[2]};
     }
 
+    // Whether the camera sees the back of a triangle; not of a solid.
+    inline bool is_back(int id) {
+        const double* from = viewpoint;
+        int slot = id;
+        if (moving && id >= first_movable) {
+            find(id);
+            if (frames[movable].solid.kind != SOLID_NONE) return false;
+            from = frames[movable].viewpoint;
+            slot = id - first + movables.first_leaf[movable] * LANES;
+        }
+        return ExactTriangle::of(from, bvh.leaf((unsigned)slot / LANES), (unsigned)slot % LANES).volume() > 0;
+    }
+
     // Unit normal of the triangle in a slot, in the frame of its tree; `shrink` undoes stretching.
     inline void local_normal(const double* from, const double* shrink, int slot, float* n) const {
         const float* corners = bvh.leaf((unsigned)slot / LANES);

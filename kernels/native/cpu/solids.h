@@ -366,8 +366,17 @@ struct Solids {
         for (int packet = image.first_packet[cell]; packet < image.first_packet[cell + 1]; ++packet) {
             const Floats u = Lanes::load(image.point_u + packet * LANES),
                          v = Lanes::load(image.point_v + packet * LANES);
-            store(setup.at(u, v), image, packet, cell, id, mode);
+            SolidHit met = setup.at(u, v);
+            if (image.limit) skip_nearer(image, packet, met);
+            store(met, image, packet, cell, id, mode);
         }
+    }
+    // Skip fronts of solids that are nearer than the limits of points.
+    static inline void skip_nearer(const Image& image, int packet, SolidHit& met) {
+        int* passed = image.passed + packet * LANES;
+        const Ints nearer = met.inv_z > Lanes::load(image.limit + packet * LANES);
+        Lanes::store(passed, Lanes::load(passed) | nearer);
+        met.inv_z = nearer ? Lanes::all(0.0f) : met.inv_z;
     }
 
     static inline void store(const SolidHit& met, const Image& image, int packet, int block, int id, Mode mode) {

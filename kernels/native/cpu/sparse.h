@@ -180,6 +180,7 @@ struct Sparse {
                 inv_z[lane] = Raster::exact_inv_z(camera, t, one.k, u[lane], v[lane]);
             }
         if (image.occlusion) inside = check(camera, image, one, packet, inside, inv_z);
+        if (image.limit) inside &= inv_z <= Lanes::load(image.limit + packet * LANES);
         if (image.id)
             Raster::blend(image, packet, cell, inside, inv_z, one.id, mode);
         else

@@ -50,9 +50,14 @@ struct OnePixel {
     static inline float narrow(double a) { return (float)a; }
     static inline double to_double(int a) { return (double)a; }
     static inline int truncate(float a) { return (int)a; }
+    static inline float to_real(int a) { return (float)a; }
+    static inline float gather(const float* from, int index) { return from[index]; }
+    static inline int gather(const int* from, int index) { return from[index]; }
 
     static inline bool all(int which) { return which != 0; }
     static inline bool any(int which) { return which != 0; }
+    static inline int first(int) { return 0; }
+    static inline int get(int a, int) { return a; }
     // The number of pixel k.
     static inline double get(double a, int) { return a; }
     static inline void set(float& a, int, float value) { a = value; }
@@ -63,6 +68,7 @@ struct OnePixel {
 
     // Load the numbers of pixels from an address on; `count` pixels of the row remain.
     static inline float load(const float* from, int) { return *from; }
+    static inline int load(const int* from, int) { return *from; }
     static inline int load(const unsigned char* from, int) { return *from; }
     // Repeat each number `times` times: does not apply to a single pixel.
     static inline bool repeats(int) { return false; }
@@ -77,6 +83,9 @@ struct OnePixel {
     static inline void store_pairs(float* to, float first, float second, int) {
         to[0] = first;
         to[1] = second;
+    }
+    static inline void store_triples(unsigned char* to, int red, int green, int blue, int) {
+        to[0] = (unsigned char)red, to[1] = (unsigned char)green, to[2] = (unsigned char)blue;
     }
     static inline float columns(int first) { return (float)first; }
     static inline int indices(int first) { return first; }

@@ -67,7 +67,7 @@ class Format:
     """Outputs that are written by default."""
     options: ClassVar[Mapping[str, str]] = {}
     """Names of the options, with descriptions of their values for messages."""
-    library: ClassVar[str | None] = None
+    library: str | None = None
     """Other distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
     masks: bool = False
     """Whether the images of a shard must include ``"masks"`` of `warpvis.ObjectVisibility`, ``(n, K, H, W)`` uint8."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The scenewise layout of the BOP benchmark: depth, masks, and poses and visible fractions of objects."""
+"""The scenewise layout of the BOP benchmark: color, depth, masks, and poses and visible fractions of objects."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Images, require_pinhole
-from warpvis.batch.formats._layouts import Layout
+from warpvis.batch.formats._layouts import COLOR_OPTIONS, Layout
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
-from warpvis.io import count_lost, depth_to_units, encode_png
+from warpvis.io import ColorFile, count_lost, depth_to_units, encode_png
 from warpvis.visibility import BOP_DELTA
 
 if TYPE_CHECKING:
@@ -40,11 +40,12 @@ _NO_BOX = (-1, -1, -1, -1)
 
 
 class Bop(Layout):
-    """Writes scenes, ``train/000012/``: depth images, masks, ``scene_camera``, ``scene_gt`` and ``scene_gt_info.json``.
+    """Writes scenes, ``train/000012/``: images, masks, ``scene_camera``, ``scene_gt`` and ``scene_gt_info.json``.
 
     A shard is a BOP scene, and its frames are the images 0, 1, 2, ... of the scene. Models are numbered from 1 in the
     order of the chosen objects; movable objects with the same mesh share a model. All objects are annotated in every
-    image, in their order, even if they are not visible.
+    image, in their order, even if they are not visible. Color images are ``rgb/000000.png``, or ``.jpg`` as in BOP's
+    sets of rendered training images.
 
     The layout is defined in ``docs/bop_datasets_format.md`` of BOP's toolkit. Masks, counts and boxes are computed as
     in its ``scripts/calc_gt_info.py`` and ``calc_gt_masks.py`` (Hodan et al., "BOP: Benchmark for 6D Object Pose
@@ -55,15 +56,18 @@ class Bop(Layout):
     """
 
     name: ClassVar[str] = "bop"
-    library: ClassVar[str | None] = "zlib"
-    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "visibility"})
-    default_outputs: ClassVar[tuple[str, ...]] = ("depth", "visibility")
+    library: str | None = "zlib"
+    outputs: ClassVar[frozenset[str]] = frozenset({"color", "depth", "visibility"})
+    default_outputs: ClassVar[tuple[str, ...]] = ("color", "depth", "visibility")
     options: ClassVar[Mapping[str, str]] = {
         "delta": "0.015 meters",
         "depth_scale": "1.0, millimeters per unit of the depth images",
         "split": "train",
         "missing": "visible or hidden",
+        **COLOR_OPTIONS,
+        "color": "png or jpeg",
     }
+    color_files: ClassVar[tuple[ColorFile, ...]] = ("png", "jpeg")
     masks = True
     any_depth = True
     """Whether visibility includes objects at any depth; here, pixels with missing depth are handled separately."""
@@ -73,8 +77,10 @@ class Bop(Layout):
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
         self._camera = require_pinhole(plan, self.name, "which has no distortion")
-        if len(plan.outputs) < 2:
-            raise FileFormatError(f"outputs must be depth and visibility for format 'bop', got only {plan.outputs[0]}")
+        if not {"depth", "visibility"} <= set(plan.outputs):
+            raise FileFormatError(
+                f"outputs must include depth and visibility for format 'bop', got only {', '.join(plan.outputs)}"
+            )
         if not plan.chosen:
             raise FileFormatError(
                 "objects must not be empty for format 'bop', and the scene has none with the label OBJECT. Assign that "
@@ -156,10 +162,13 @@ class Bop(Layout):
         return np.array(self.plan.object_centers[index], dtype=np.float64)
 
     def _write_image(self, scene: str, image: int, images: Images, files: ShardFiles) -> tuple[int, list[_Entry]]:
-        """Write depth and masks of a frame; return the number of pixels that do not fit, and its objects' entries."""
+        """Write the files of a frame; return the number of pixels that do not fit, and its objects' entries."""
         depth = images["depth"][image]
         units = depth_to_units(depth, _MILLIMETERS_PER_METER / self._depth_scale)
         files.write(f"{scene}/depth/{image:06d}.png", encode_png(units))
+        if "color" in self.plan.outputs:
+            (color,) = self.encode_colors(images["color"][image : image + 1])
+            files.write(f"{scene}/rgb/{image:06d}{self.color_suffix}", color)
         missing, infos = units == 0, []
         for index, mask in enumerate(images["masks"][image]):
             total = int(images["silhouette_pixels"][image, index])

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,18 @@ from warpvis.batch._job import shard_name
 from warpvis.batch.formats._base import Format
 from warpvis.batch.storage._output import FilePart
 from warpvis.errors import FileFormatError
-from warpvis.io import count_lost, depth_to_units, describe_lost, encode_pngs
+from warpvis.io import (
+    COLOR_SUFFIXES,
+    ColorFile,
+    count_lost,
+    depth_to_units,
+    describe_lost,
+    encode_colors,
+    encode_pngs,
+)
 
 if TYPE_CHECKING:
+    from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
 Parts: TypeAlias = tuple[FilePart, ...]
@@ -25,6 +34,15 @@ Parts: TypeAlias = tuple[FilePart, ...]
 
 Row = TypeVar("Row")
 
+COLOR_OPTIONS: Mapping[str, str] = {"color": "png, jpeg or webp", "quality": "1 to 100 for jpeg and webp, 95"}
+"""Options of formats with files of color images."""
+
+SPARSE_POINTS: Mapping[str, str] = {"sparse_points": "number of 3D points, 10000; 0 for none"}
+"""Option of formats with sparse points."""
+
+_OF_COLORS = (*COLOR_OPTIONS, *SPARSE_POINTS)
+_DEFAULT_QUALITY = 95
+_DEFAULT_SPARSE_POINTS = 10_000
 _ROWS_AT_ONCE = 4096
 
 
@@ -35,6 +53,18 @@ class Layout(Format):
     """
 
     encodes = True
+    color_files: ClassVar[tuple[ColorFile, ...]] = get_args(ColorFile)
+    """Supported values of the option ``color``; the first is the default."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Prepare to write a dataset: check the outputs and the names of options of its plan."""
+        super().__init__(plan)
+        self.color_file: ColorFile = self._parse_color_file()
+        self.color_suffix = COLOR_SUFFIXES[self.color_file]
+        """File name suffix of color images."""
+        self._quality = self._parse_quality()
+        if self.color_file != "png":
+            self.library = f"{self.library or ''} pillow"
 
     def write_frames(
         self,
@@ -90,6 +120,18 @@ class Layout(Format):
 
         return self.write_frames(shard, folder, ".png", len(images), make, files)
 
+    def write_colors(self, shard: int, folder: str, images: NDArray[np.uint8], files: ShardFiles) -> str:
+        """Write color images as the files that the option ``color`` selects, and return their folder."""
+
+        def make(frames: range) -> Iterable[Parts]:
+            return zip(self.encode_colors(images[frames.start : frames.stop]))
+
+        return self.write_frames(shard, folder, self.color_suffix, len(images), make, files)
+
+    def encode_colors(self, images: NDArray[np.uint8]) -> Iterator[bytes]:
+        """Encode color images ``(n, H, W, 3)`` as the options specify."""
+        return encode_colors(images, self.color_file, self._quality)
+
     def frame_names(self, suffix: str) -> Iterator[str]:
         """Yield the file names of all frames, starting with the folder of the shard."""
         per_shard = self.plan.shard_frames
@@ -124,6 +166,38 @@ class Layout(Format):
             raise FileFormatError(f"option {name} must be true or false, got {option!r}")
         return option in (True, "true")
 
+    def parse_sparse_points(self) -> int:
+        """Return the number of sparse points from the options; 0 without color.
+
+        Raises:
+            FileFormatError: If the option is not a whole number.
+        """
+        default = _DEFAULT_SPARSE_POINTS if "color" in self.plan.outputs else 0
+        count = _whole(self.plan.options.get("sparse_points", default))
+        if count is None or count < 0:
+            value = self.plan.options["sparse_points"]
+            raise FileFormatError(f"option sparse_points must be a whole number from 0 up, got {value!r}")
+        return count
+
+    def _parse_color_file(self) -> ColorFile:
+        for option in _OF_COLORS:
+            if option in self.plan.options and not self.plan.has_colors:
+                raise FileFormatError(f"option {option} requires the output color, got {', '.join(self.plan.outputs)}")
+        value = self.plan.options.get("color", self.color_files[0])
+        kind = next((kind for kind in self.color_files if kind == value), None)
+        if kind is None:
+            raise FileFormatError(f"option color must be {_list(self.color_files)} for {self.name!r}, got {value!r}")
+        return kind
+
+    def _parse_quality(self) -> int:
+        if "quality" in self.plan.options and self.color_file == "png":
+            raise FileFormatError("quality must be given only with color=jpeg or color=webp, got color=png")
+        value = self.plan.options.get("quality", _DEFAULT_QUALITY)
+        quality = _whole(value)
+        if quality is None or not 1 <= quality <= 100:
+            raise FileFormatError(f"option quality must be a whole number from 1 to 100, got {value!r}")
+        return quality
+
     def label_entries(self) -> dict[str, str]:
         """Return the names of labels by value, for JSON."""
         return {str(number): name for number, name in self.plan.label_names.items()}
@@ -132,6 +206,18 @@ class Layout(Format):
         """Return names and labels of the objects of the scene, in the order of their indices."""
         named = zip(self.plan.object_names, self.plan.object_labels, strict=True)
         return [{"name": name, "label": self.plan.label_names.name(label)} for name, label in named]
+
+
+def _whole(value: str | float) -> int | None:
+    """Return an option as a whole number; None if it is not one."""
+    try:
+        return None if isinstance(value, bool) or float(value) != int(value) else int(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def _list(words: tuple[str, ...]) -> str:
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def rows_of(array: NDArray[np.float64], convert: Callable[[NDArray[np.float64]], list[Row]]) -> Iterator[Row]:

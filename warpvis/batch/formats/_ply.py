@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _PROPERTIES: dict[str, tuple[tuple[str, ...], str, str, float]] = {
     "points": (("x", "y", "z"), "float", "<f4", np.nan),
     "normals": (("nx", "ny", "nz"), "float", "<f4", np.nan),
+    "color": (("red", "green", "blue"), "uchar", "u1", 0),
     "labels": (("label",), "uchar", "u1", 0),
     "segmentation": (("object",), "int", "<i4", -1),
 }
@@ -31,8 +32,9 @@ class Ply(Layout):
     """Writes ``clouds/000012/000000.ply`` and ``clouds.json``.
 
     A cloud is a binary little-endian file with the points of one frame in the world frame [m], in the order of image
-    rows: ``x y z`` as float, and, if they are among the outputs, ``nx ny nz`` as float, ``label`` as uchar (a `Label`)
-    and ``object`` as int (index into the objects of the scene). ``clouds.json`` contains names of labels and objects.
+    rows: ``x y z`` as float, and, if they are among the outputs, ``nx ny nz`` as float, ``red green blue`` as uchar,
+    ``label`` as uchar (a `Label`) and ``object`` as int (index into the objects of the scene). ``clouds.json`` contains
+    names of labels and objects.
 
     Options:
         organized: ``true`` for one point per pixel, NaN without a surface; the header then has the size of the image,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from warpvis.batch.formats._base import Images
-from warpvis.batch.formats._layouts import Layout, Parts
+from warpvis.batch.formats._layouts import COLOR_OPTIONS, Layout, Parts
 from warpvis.cameras import as_pinhole
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
@@ -27,13 +27,14 @@ _MAX_OBJECTS = 65_535
 
 
 class Png(Layout):
-    """Writes files such as ``depth/000012/000000.png`` for depth, labels and objects, ``camera.json``, ``images.json``.
+    """Writes files such as ``depth/000012/000000.png`` for images, ``camera.json``, ``images.json``.
 
     - Depth: 16 bits, in units of 1 / `scale` m, rounded; 0 for missing depth, and for depth that does not fit. It is
       planar, or along the ray for a lens with ``kind="range"``.
     - With a sensor, ``true_depth`` in the same units, and ``reasons`` with 8 bits.
     - Labels: 8 bits.
     - Objects: 16 bits, 0 for none, else the index of the object in the scene + 1.
+    - ``color`` and ``albedo``: sRGB, 8 bits per channel; with the option `color`, files of another kind.
 
     ``camera.json`` is a camera file for the command line, with the lens; ``images.json`` defines the values of images.
 
@@ -43,10 +44,12 @@ class Png(Layout):
     """
 
     name: ClassVar[str] = "png"
-    library: ClassVar[str | None] = "zlib"
-    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "labels", "segmentation", "reasons", "true_depth"})
+    library: str | None = "zlib"
+    outputs: ClassVar[frozenset[str]] = frozenset(
+        {"depth", "labels", "segmentation", "color", "albedo", "reasons", "true_depth"}
+    )
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
-    options: ClassVar[Mapping[str, str]] = {"scale": "units per meter, 1000"}
+    options: ClassVar[Mapping[str, str]] = {"scale": "units per meter, 1000", **COLOR_OPTIONS}
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
@@ -65,6 +68,9 @@ class Png(Layout):
         for name in ("labels", "reasons"):
             if name in self.plan.outputs:
                 units.append(self.write_byte_pngs(shard, name, images[name], files))
+        for name in ("color", "albedo"):
+            if name in self.plan.outputs:
+                units.append(self.write_colors(shard, name, images[name], files))
         if "segmentation" in self.plan.outputs:
             objects = images["segmentation"]
 
@@ -96,6 +102,8 @@ class Png(Layout):
             "true_depth": depth,
             "reasons": {"values": {str(reason.value): reason.name for reason in Reason}},
             "labels": {"values": self.label_entries()},
+            "color": {"color_space": "sRGB"},
+            "albedo": {"color_space": "sRGB"},
             "segmentation": {"none": 0, "first": 1, "objects": self.object_entries()},
         }
         return {

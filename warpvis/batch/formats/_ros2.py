@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""ROS 2 bags with MCAP storage: depth images, intrinsics, point clouds, and poses of the camera."""
+"""ROS 2 bags with MCAP storage: depth and color images, intrinsics, point clouds, and poses of the camera."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from warpvis.cameras import ImageCamera, as_pinhole
 from warpvis.cameras.lenses import lens_to_ros
 from warpvis.core.messages import Message, MessageMaker, nanoseconds
 from warpvis.errors import FileFormatError
-from warpvis.io import to_image_msg, to_pointcloud2
+from warpvis.io import to_color_msg, to_image_msg, to_pointcloud2
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -25,10 +25,12 @@ if TYPE_CHECKING:
     from warpvis.batch._job import Plan
     from warpvis.batch.storage._output import ShardFiles
 
+COLOR_TOPIC = "/camera/color"
+"""Default of the option ``color_topic``."""
 _LAST_SECOND = 2**31 - 1
 
-MakeMessage: TypeAlias = Callable[[float, NDArray[np.float32], NDArray[np.float64]], Message]
-"""Function that returns the message of a frame from its time [s], depth image ``(H, W)`` [m], and camera pose."""
+MakeMessage: TypeAlias = Callable[[float, Images, NDArray[np.float64]], Message]
+"""Function that returns the message of a frame from its time [s], images, and camera pose."""
 
 
 class Ros2(Layout):
@@ -37,21 +39,24 @@ class Ros2(Layout):
     Topics: ``/camera/depth/image_rect`` (``sensor_msgs/Image``, 32FC1, meters; REP 117: +inf for nothing, -inf for too
     near), ``/camera/depth/camera_info`` (intrinsics with pixel centers at integers, no distortion), ``/tf`` (pose of
     the camera in the world), and, if ``points`` is an output, ``/camera/depth/points`` (``sensor_msgs/PointCloud2`` in
-    the optical frame of the camera, organized in rows and columns of the image, NaN without a surface).
+    the optical frame of the camera, organized in rows and columns of the image, NaN without a surface). If ``color`` is
+    an output, ``/camera/color/image_rect`` (rgb8) has the same pixels and frame as the depth image, and
+    ``/camera/color/camera_info`` the same intrinsics.
 
-    With a lens, images are not rectified: their topic is ``/camera/depth/image_raw``, and the camera info contains the
-    distortion and a ``P`` with the same intrinsics.
+    With a lens, images are not rectified: their topics are ``/camera/depth/image_raw`` and ``/camera/color/image_raw``,
+    and the camera info contains the distortion and a ``P`` with the same intrinsics.
     """
 
     name: ClassVar[str] = "ros2"
-    outputs: ClassVar[frozenset[str]] = frozenset({"depth", "points"})
+    outputs: ClassVar[frozenset[str]] = frozenset({"color", "depth", "points"})
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
     options: ClassVar[Mapping[str, str]] = {
         "frame_id": "camera_depth_optical_frame",
         "parent_frame_id": "world",
         "topic": "/camera/depth",
+        "color_topic": "/camera/color",
     }
-    library: ClassVar[str | None] = "rosbags"
+    library: str | None = "rosbags"
 
     def __init__(self, plan: Plan) -> None:
         super().__init__(plan)
@@ -62,6 +67,10 @@ class Ros2(Layout):
         self._frame_id = self._name("frame_id", "camera_depth_optical_frame")
         self._parent = self._name("parent_frame_id", "world")
         self._topic = "/" + self._name("topic", "/camera/depth").strip("/")
+        self._color_topic = color_topic(plan.options)
+        self._name("color_topic", COLOR_TOPIC)
+        if self._color_topic == self._topic:
+            raise FileFormatError(f"option color_topic must not be the topic of depth, got {self._topic!r}")
         times = plan.frames.timestamps
         bad = np.flatnonzero(~((times >= 0) & (times < _LAST_SECOND)))
         if len(bad):
@@ -80,11 +89,11 @@ class Ros2(Layout):
             makers = self._makers()
             kinds = {topic: kind for topic, (kind, _) in makers.items()}
             topics = {topic: bag.add_connection(topic, kind, typestore=self._types) for topic, kind in kinds.items()}
-            for depth, pose, time in zip(images["depth"], frames.camera_to_world, frames.timestamps, strict=True):
-                seconds = float(time)
+            for row, (pose, time) in enumerate(zip(frames.camera_to_world, frames.timestamps, strict=True)):
+                seconds, frame = float(time), {name: image[row] for name, image in images.items()}
                 stamp = nanoseconds(seconds)
                 for topic, (kind, make) in makers.items():
-                    message = make(seconds, depth, pose)
+                    message = make(seconds, frame, pose)
                     bag.write(topics[topic], stamp, self._types.serialize_cdr(message, kind))
         return [name]
 
@@ -104,9 +113,12 @@ class Ros2(Layout):
         }
         if "points" in self.plan.outputs:
             makers[f"{self._topic}/points"] = ("sensor_msgs/msg/PointCloud2", self._cloud)
+        if "color" in self.plan.outputs:
+            makers[f"{self._color_topic}/camera_info"] = ("sensor_msgs/msg/CameraInfo", self._camera_info)
+            makers[f"{self._color_topic}/{self._image_topic}"] = ("sensor_msgs/msg/Image", self._color)
         return makers
 
-    def _transforms(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
+    def _transforms(self, time: float, images: Images, pose: NDArray[np.float64]) -> Message:
         x, y, z, qx, qy, qz, qw = pose.tolist()
         make = self._maker.make
         transform = make(
@@ -122,14 +134,22 @@ class Ros2(Layout):
         )
         return make("tf2_msgs/msg/TFMessage", transforms=[stamped])
 
-    def _camera_info(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
+    def _camera_info(self, time: float, images: Images, pose: NDArray[np.float64]) -> Message:
         return self.plan.camera.to_camera_info(frame_id=self._frame_id, stamp=time, types=self._types)
 
-    def _image(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
-        return to_image_msg(depth, frame_id=self._frame_id, stamp=time, types=self._types)
+    def _image(self, time: float, images: Images, pose: NDArray[np.float64]) -> Message:
+        return to_image_msg(images["depth"], frame_id=self._frame_id, stamp=time, types=self._types)
 
-    def _cloud(self, time: float, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> Message:
-        return to_pointcloud2(depth, self.plan.camera, frame_id=self._frame_id, stamp=time, types=self._types)
+    def _cloud(self, time: float, images: Images, pose: NDArray[np.float64]) -> Message:
+        return to_pointcloud2(images["depth"], self.plan.camera, frame_id=self._frame_id, stamp=time, types=self._types)
+
+    def _color(self, time: float, images: Images, pose: NDArray[np.float64]) -> Message:
+        return to_color_msg(images["color"], frame_id=self._frame_id, stamp=time, types=self._types)
+
+
+def color_topic(options: Mapping[str, Any]) -> str:
+    """Return the name of the color topics in a format's options."""
+    return "/" + str(options.get("color_topic", COLOR_TOPIC)).strip("/")
 
 
 def image_topic(camera: ImageCamera) -> str:

@@ -45,7 +45,7 @@ class Zarr(Format):
     name: ClassVar[str] = "zarr"
     outputs: ClassVar[Collection[str]] = ANY_OUTPUT
     default_outputs: ClassVar[tuple[str, ...]] = ("depth",)
-    library: ClassVar[str | None] = "zarr numcodecs"
+    library: str | None = "zarr numcodecs"
     options: ClassVar[Mapping[str, str]] = {"compression": "none, zstd", "level": "1 to 22"}
 
     def __init__(self, plan: Plan) -> None:

@@ -15,7 +15,7 @@ from warpvis.batch._dataset import INDEX_RECORD, POSES, RECORDS_FOLDER, read_fra
 from warpvis.batch._job import shard_name
 from warpvis.batch._manifest import MANIFEST
 from warpvis.batch.reading._job import FrameSpec, Job, read_job
-from warpvis.batch.reading._pictures import BagReader, BopReader, ColmapReader, PngReader, TumReader
+from warpvis.batch.reading._pictures import BagReader, BopReader, ColmapReader, NerfstudioReader, PngReader, TumReader
 from warpvis.batch.reading._shards import Files, NpzReader, ShardReader, ZarrReader
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.cameras import ImageCamera, opencv_intrinsics
@@ -31,7 +31,7 @@ _READERS: Mapping[str, type[ShardReader]] = {
     "npz": NpzReader,
     "zarr": ZarrReader,
     "png": PngReader,
-    "nerfstudio": PngReader,
+    "nerfstudio": NerfstudioReader,
     "tum": TumReader,
     "bop": BopReader,
     "ros2": BagReader,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gymnasium wrappers that add depth, segmentation and visible fractions to observations of MuJoCo environments.
+"""Gymnasium wrappers that add color, depth, segmentation and visible fractions to observations on MuJoCo.
 
 >>> env = DepthObservation(gym.make("Ant-v5"), camera="track", width=84, height=84)
 >>> observation, info = env.reset(seed=0)
@@ -18,9 +18,10 @@ except ImportError as error:
     ) from error
 
 from warpvis.mujoco.gymnasium._environments import PoseObservation
+from warpvis.mujoco.gymnasium._frames import RenderFrames
 from warpvis.mujoco.gymnasium._observation import DepthObservation
 from warpvis.mujoco.gymnasium._vector import VectorDepthObservation
 
 del gymnasium
 
-__all__ = ["DepthObservation", "PoseObservation", "VectorDepthObservation"]
+__all__ = ["DepthObservation", "PoseObservation", "RenderFrames", "VectorDepthObservation"]

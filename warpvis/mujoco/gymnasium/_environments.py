@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""State of environments as entries of their observations: poses, visibility and seeds of random numbers."""
+"""State of environments as entries of their observations: poses, colors and seeds of random numbers."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from warpvis.errors import SceneError
 from warpvis.mujoco._geoms import shown_geoms
-from warpvis.mujoco._model_fields import Watched
-from warpvis.mujoco._poses import WorldPoses, pose_shapes
+from warpvis.mujoco._model_fields import DEFAULT_COLOR, Watched
+from warpvis.mujoco._poses import INTEGER_FIELDS, WorldPoses, pose_shapes
 
 STATE = "state"
 """The key of an observation that is not a dictionary, as in Gymnasium's `AddRenderObservation`."""
@@ -135,10 +136,10 @@ class PoseLayout:
     """The layout of a row of poses, for one model."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self.of_data, self.size = dict[str, tuple[slice, tuple[int, int]]](), 0
+        self.of_data, self.size = dict[str, tuple[slice, tuple[int, ...]]](), 0
         for name, shape in pose_shapes(model).items():
-            self.of_data[name] = self._take(shape[0] * shape[1]), shape
-        self.shown, self.fovy = self._take(model.ngeom), self._take(model.ncam)
+            self.of_data[name] = self._take(math.prod(shape)), shape
+        self.colors, self.fovy = self._take(4 * model.ngeom), self._take(model.ncam)
         self.draws = self._take(2 * _WORDS)
 
     def _take(self, count: int) -> slice:
@@ -149,11 +150,11 @@ class PoseLayout:
         """Read rows of W environments, shape ``(W, size)``."""
         count = len(rows)
         parts = {name: rows[:, part].reshape(count, *shape) for name, (part, shape) in self.of_data.items()}
-        return WorldPoses(**parts)
+        return WorldPoses(**parts | {name: parts[name].astype(np.int32) for name in INTEGER_FIELDS if name in parts})
 
 
 class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
-    """Adds the state for `VectorDepthObservation`: poses, visibility, fields of view, and random seeds.
+    """Adds the state for `VectorDepthObservation`: poses, colors, visibility, fields of view, and random seeds.
 
     The state is an entry ``"poses"`` of a few kilobytes. As a part of observations, it is transferred with all of them,
     including final observations before a reset, without another call to the workers.
@@ -190,7 +191,7 @@ class PoseObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         row = np.empty(self._layout.size, dtype=np.float32)
         for name, (part, _) in self._layout.of_data.items():
             row[part] = getattr(data, name).reshape(-1)
-        row[self._layout.shown] = self._seen.shown()
+        row[self._layout.colors] = self._seen.colors().reshape(-1)
         row[self._layout.fovy] = model.cam_fovy
         row[self._layout.draws] = as_halves(self._draws.next())
         return add_entries(observation, {POSES: row})
@@ -208,19 +209,29 @@ class _Seen:
         if digest not in (None, self.digest):
             raise SceneError(_OTHER_SHAPES)
         self._watched = {name: Watched(getattr(model, name)) for name in (*_SHAPES, *_APPEARANCE_FIELDS)}
-        self._shown: NDArray[np.float32] | None = None
+        self._colors: NDArray[np.float32] | None = None
 
-    def shown(self) -> NDArray[np.float32]:
-        """Return 1 for every currently visible geom, else 0, shape ``(ngeom,)``."""
+    def colors(self) -> NDArray[np.float32]:
+        """Return the current `shown_colors`."""
         changed = [name for name, watched in self._watched.items() if watched.changed()]
         if not set(_SHAPES).isdisjoint(changed):
             raise SceneError(_OTHER_SHAPES)
-        if changed or self._shown is None:
+        if changed or self._colors is None:
             for name in changed:
                 self._watched[name].accept()
-            self._shown = np.zeros(self.model.ngeom, dtype=np.float32)
-            self._shown[shown_geoms(self.model, _ALL_GROUPS)] = 1
-        return self._shown
+            self._colors = shown_colors(self.model)
+        return self._colors
+
+
+def shown_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
+    """Return the colors of all geoms, which may be those of their materials, ``(ngeom, 4)``; 0 for hidden geoms."""
+    colors = model.geom_rgba.copy()
+    takes_color = (model.geom_matid >= 0) & (colors == np.array(DEFAULT_COLOR, dtype=np.float32)).all(axis=1)
+    colors[takes_color] = model.mat_rgba[model.geom_matid[takes_color]]
+    is_shown = np.zeros(model.ngeom, dtype=bool)
+    is_shown[shown_geoms(model, _ALL_GROUPS)] = True
+    colors[~is_shown] = 0
+    return colors
 
 
 def shape_digest(model: mujoco.MjModel) -> bytes:

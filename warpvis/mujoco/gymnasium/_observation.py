@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import get_device
-from warpvis.core.checks import as_items, check_choice
+from warpvis.core.checks import as_items, check_choice, check_flag, check_number
 from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -28,11 +28,12 @@ from warpvis.mujoco._model_fields import shape_bodies, shape_count
 from warpvis.mujoco._renderer import Renderer as MujocoRenderer
 from warpvis.mujoco._scene import check_patterns, class_of_geoms, shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
-from warpvis.rendering import DepthSensor, Fill, Output, Renderer, check_fill, require_sensor
+from warpvis.rendering import DepthSensor, Fill, Output, Renderer, check_fill, check_samples, require_sensor
 from warpvis.scene import Scene
 from warpvis.sensors import Reason
 
 _MAX_CAMERAS = 64
+_COUNTS = {"rgb": 3, "rgbd": 4}  # channels of images
 _PART_BYTES = 1 << 26  # size of images rendered per batch
 
 
@@ -40,17 +41,22 @@ Segmentation: TypeAlias = Literal["geom", "body"] | Mapping[str, int]
 """Number of a pixel in segmentation: id of its geom or body, or the class of the last pattern that matches either."""
 
 DEPTH, SEGMENTATION, FRACTION, REASONS = "depth", "segmentation", "visible_fraction", "reasons"
-TRUE_DEPTH = "true_depth"
-_NAMES = (DEPTH, SEGMENTATION)
+TRUE_DEPTH, RGB, RGBD, COLOR = "true_depth", "rgb", "rgbd", "color"
+_NAMES = (RGB, DEPTH, RGBD, SEGMENTATION)
+
+Channels: TypeAlias = Literal["last", "first"]
+"""Position of the axis of red, green and blue: ``"last"``, as in Gymnasium, or ``"first"``, as in PyTorch."""
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
-    """Adds depth, segmentation and visible fractions to the observations of a MuJoCo environment.
+    """Adds color, depth, segmentation and visible fractions to the observations of a MuJoCo environment.
 
     Observations are dictionaries of the original observation, under ``"state"`` if it is not a dictionary (as in
     Gymnasium's `AddRenderObservation`), and new arrays owned by the caller:
 
+    - ``"rgb"``: colors, ``(height, width, 3)`` uint8, or ``(3, height, width)`` with ``channels="first"``.
     - ``"depth"``: planar depth [m], ``(height, width)`` float32.
+    - ``"rgbd"``: colors and depth as four channels of uint8, where 0 to 255 are the ends of `depth_range`.
     - ``"segmentation"``: numbers of geoms, bodies or classes, -1 for none, ``(height, width)`` int32.
     - ``"visible_fraction"``: visible pixels of each of `objects`, relative to those of the isolated object on a canvas
       three times as wide and high as the image, ``(objects,)`` float32.
@@ -72,10 +78,14 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         width: int = 84,
         height: int = 84,
         outputs: Sequence[str] = ("depth",),
+        channels: Channels = "last",
+        depth_range: Sequence[float] | None = None,
         objects: Sequence[str] = (),
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
         sensor: DepthSensor | None = None,
+        shadows: bool = True,
+        samples: int = 1,
         scene_option: mujoco.MjvOption | None = None,
         device: DeviceLike = "cpu",
         threads: int | None = 1,
@@ -89,8 +99,11 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             camera: A camera's name or id, -1 for the default free camera, a `mujoco.MjvCamera`; or several.
             width: Image width [px].
             height: Image height [px].
-            outputs: ``"depth"``, ``"segmentation"``, or both; with a sensor, also ``"reasons"``
-                (`warpvis.sensors.Reason`) and ``"true_depth"``, +inf for no hit.
+            outputs: Some of ``"rgb"``, ``"depth"``, ``"rgbd"`` and ``"segmentation"``; with a sensor, also
+                ``"reasons"`` (`warpvis.sensors.Reason`) and ``"true_depth"``, +inf for no hit.
+            channels: Position of the axis of channels in ``"rgb"`` and ``"rgbd"``: ``"last"`` or ``"first"``.
+                Stable-Baselines3 accepts both.
+            depth_range: Depths of the values 0 and 255 of ``"rgbd"`` [m]; by default 0 and twice the model's extent.
             objects: Names or patterns of geoms or bodies for visible fractions.
             segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
                 ``{"object*": 1}``, where the last match applies.
@@ -98,6 +111,9 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             sensor: A depth camera model, such as `warpvis.sensors.realsense_d435()`, which computes depth. Its noise
                 depends on the last seed of `reset` (random without a seed), and on the numbers of resets and
                 observations since. Lost pixels are filled like empty ones, for which `fill` must not be ``"inf"``.
+            shadows: Whether lights with shadows cast them in colors.
+            samples: Rays through each pixel at an edge of a surface whose colors are averaged, as for
+                `warpvis.Renderer`.
             scene_option: A `mujoco.MjvOption` that selects visible elements, as for `warpvis.mujoco.Renderer`. By
                 default no sites are visible, since they are markers that sensors do not see. Options cannot be pickled,
                 so each worker must create them.
@@ -108,8 +124,10 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         """
         model, _ = find_simulation(env)
         chosen: dict[str, Any] = {"camera": camera, "width": width, "height": height, "outputs": outputs}
-        chosen |= {"objects": objects, "segmentation": segmentation, "fill": fill, "sensor": sensor}
+        chosen |= {"channels": channels, "depth_range": depth_range, "objects": objects, "segmentation": segmentation}
+        chosen |= {"fill": fill, "sensor": sensor}
         self._outputs = Outputs(model, **chosen)
+        chosen |= {"shadows": check_flag(shadows, "shadows"), "samples": check_samples(samples)}
         shown_by(scene_option)
         threads = check_threads(threads)
         if device is not None and not isinstance(device, str):
@@ -118,6 +136,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         gym.utils.RecordConstructorArgs.__init__(self, **chosen)
         super().__init__(env)
         self._option, self._device, self._threads = scene_option, device, threads
+        self._colors: dict[str, Any] = {name: chosen[name] for name in ("shadows", "samples")}
         self._renderer: ImageRenderer | None = None
         self._draws = Draws()
         self.observation_space = with_entries(env.observation_space, self._outputs.spaces)
@@ -134,7 +153,11 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         if self._renderer is None or self._renderer.model is not model:
             # Created lazily, since a vector environment creates one environment only for its spaces.
             height, width = self._outputs.shape
-            self._renderer = ImageRenderer(model, height, width, device=self._device, threads=self._threads)
+            # Light is that of batches, as of vector environments.
+            options = {"lighting": "pixel", "device": self._device, "threads": self._threads, **self._colors}
+            self._renderer = ImageRenderer(model, height, width, **options)
+            if COLOR not in self._outputs.images:
+                self._renderer.enable_depth_rendering()
         numbers = view_draws(self._draws.next()[None], len(self._outputs.cameras))
         rendered, option = [], self._option or _without_sites()
         for camera, draws in zip(self._outputs.cameras, numbers[:, 0], strict=True):
@@ -166,6 +189,10 @@ class ImageRenderer(MujocoRenderer):
 
     _fractions: VisibleFractions | None = None
 
+    def __init__(self, model: mujoco.MjModel, height: int, width: int, *, shadows: bool, **options: Any) -> None:
+        super().__init__(model, height, width, **options)
+        self._shadows = shadows
+
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render the scene of the last `update_scene`: images ``(H, W)`` and visible fractions ``(objects,)`` by name.
 
@@ -182,7 +209,8 @@ class ImageRenderer(MujocoRenderer):
         places = stage.object_poses()
         view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
         options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
-        renderer = self._renderer_of(outputs.images, camera, fill=outputs.fill, sensor=outputs.sensor)
+        chosen: dict[str, Any] = {"fill": outputs.fill, "sensor": outputs.sensor, "shadows": self._shadows}
+        renderer = self._renderer_of(outputs.images, camera, **chosen)
         views = renderer.render(self._pose[None], view_index=view_index, frame=frame, **options)
         entries = {name: getattr(views, name).numpy()[0] for name in outputs.images}
         if SEGMENTATION in entries:
@@ -215,6 +243,8 @@ class Outputs:
         width: int,
         height: int,
         outputs: Sequence[str],
+        channels: Channels,
+        depth_range: Sequence[float] | None,
         objects: Sequence[str],
         segmentation: Segmentation,
         fill: Fill,
@@ -238,16 +268,20 @@ class Outputs:
         self.numbers, highest = _numbers(model, segmentation)
         """The number of every geom and site in segmentation, with a last one for no shape (index -1)."""
         self._axes = () if single else (len(self.cameras),)
+        self._channels = check_choice(channels, "channels", get_args(Channels))
+        self._range = _check_range(model, depth_range)
         seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
         self.fill, size = fill, (*self._axes, *self.shape)
-        bounds = {
+        bounds: dict[str, tuple[Any, Any, type]] = {
+            RGB: (0, 255, np.uint8),
+            RGBD: (0, 255, np.uint8),
             DEPTH: (*_depth_bounds(fill, seen, sensed=sensor is not None), np.float32),
             SEGMENTATION: (-1, highest, np.int32),
             REASONS: (0, max(Reason), np.uint8),
             TRUE_DEPTH: (0.0, np.inf, np.float32),
         }
         self.spaces: dict[str, spaces.Space] = {
-            name: spaces.Box(low, high, size, dtype)
+            name: spaces.Box(low, high, self._size(name, size), dtype)
             for name, (low, high, dtype) in bounds.items()
             if name in self.names
         }
@@ -259,7 +293,9 @@ class Outputs:
     def images(self) -> tuple[Output, ...]:
         """The outputs to render."""
         requested = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
-        known: tuple[Output, ...] = ("depth", "segmentation", "reasons", "true_depth")
+        requested |= {COLOR} if {RGB, RGBD} & requested else set()
+        requested |= {DEPTH} if RGBD in requested else set()
+        known: tuple[Output, ...] = ("depth", "color", "segmentation", "reasons", "true_depth")
         return tuple(name for name in known if name in requested)
 
     def members_of(self, shapes: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -272,10 +308,37 @@ class Outputs:
         In segmentation, pixels have the number of their geom or site, or -1. Other images than entries are ignored.
         `axis` is the position of the axis for cameras, if there is one.
         """
-        chosen = {name: images[name] for name in self.spaces}
+        chosen = {name: self._image(name, images) for name in self.spaces}
         if SEGMENTATION in chosen:
             chosen[SEGMENTATION] = self.numbers[chosen[SEGMENTATION]]
         return {name: (np.moveaxis(part, 0, axis) if self._axes else part[0]).copy() for name, part in chosen.items()}
+
+    def _size(self, name: str, size: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the shape of an image of ``(..., H, W)`` pixels with its channels."""
+        if name not in _COUNTS:
+            return size
+        return (*size, _COUNTS[name]) if self._channels == "last" else (*size[:-2], _COUNTS[name], *size[-2:])
+
+    def _image(self, name: str, images: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return an entry's image."""
+        if name not in _COUNTS:
+            return images[name]
+        image = images[COLOR]
+        if name == RGBD:
+            near, far = self._range
+            scaled = np.clip((images[DEPTH] - near) * (255 / (far - near)), 0, 255)
+            image = np.concatenate([image, np.rint(scaled).astype(np.uint8)[..., None]], axis=-1)
+        return image if self._channels == "last" else np.moveaxis(image, -1, -3)
+
+
+def _check_range(model: mujoco.MjModel, given: Sequence[float] | None) -> tuple[float, float]:
+    """Return the depths of the values 0 and 255 [m]."""
+    if given is None:
+        return 0.0, 2.0 * float(model.stat.extent)
+    ends = [check_number(end, "depth_range") for end in as_items(given, "depth_range")]
+    if len(ends) != 2 or not 0 <= ends[0] < ends[1]:
+        raise ArrayError(f"depth_range must be two increasing depths of at least 0 m, got {given!r}")
+    return ends[0], ends[1]
 
 
 def _numbers(model: mujoco.MjModel, segmentation: Segmentation) -> tuple[NDArray[np.int32], int]:

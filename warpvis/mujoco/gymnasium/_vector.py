@@ -18,13 +18,20 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._batch_views import CameraChoice, Workplace, choose_cameras, views_by_intrinsics
-from warpvis.mujoco._geoms import shown_geoms
 from warpvis.mujoco._poses import WorldPoses
 from warpvis.mujoco._scene import Movable
-from warpvis.mujoco.gymnasium._environments import POSES, PoseLayout, from_halves, view_draws, with_entries
+from warpvis.mujoco.gymnasium._environments import (
+    POSES,
+    PoseLayout,
+    from_halves,
+    shown_colors,
+    view_draws,
+    with_entries,
+)
 from warpvis.mujoco.gymnasium._observation import (
     FRACTION,
     SEGMENTATION,
+    Channels,
     Outputs,
     Segmentation,
     VisibleFractions,
@@ -58,10 +65,14 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         width: int = 84,
         height: int = 84,
         outputs: Sequence[str] = ("depth",),
+        channels: Channels = "last",
+        depth_range: Sequence[float] | None = None,
         objects: Sequence[str] = (),
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
         sensor: DepthSensor | None = None,
+        shadows: bool = True,
+        samples: int = 1,
         scene_option: mujoco.MjvOption | None = None,
         movable: Movable = "bodies",
         device: DeviceLike = "cpu",
@@ -70,9 +81,10 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         """Wrap a vector environment: a SyncVectorEnv or an AsyncVectorEnv of environments of one model.
 
         Arguments are as for `DepthObservation`, with these differences: `scene_option` is as for `BatchRenderer`, which
-        draws geoms and sites; `movable`, also as for `BatchRenderer`, are static bodies and geoms that environments
-        move in their models, by name or pattern, or ``"all"``; and `threads` are by default all cores available to the
-        process, since workers are idle during rendering. A sensor has the same noise for each environment.
+        draws geoms, sites, tendons, skins and flexes; `movable`, also as for `BatchRenderer`, are static bodies and
+        geoms that environments move in their models, by name or pattern, or ``"all"``; and `threads` are by default all
+        cores available to the process, since workers are idle during rendering. A sensor has the same noise for each
+        environment.
         """
         if not isinstance(env, gym.vector.VectorEnv):
             raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
@@ -86,15 +98,15 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         model = _shared_model(env)
         self._layout = PoseLayout(model)
         shared: dict[str, Any] = {"width": width, "height": height, "fill": fill, "sensor": sensor}
-        self._outputs = Outputs(
-            model, camera=camera, outputs=outputs, objects=objects, segmentation=segmentation, **shared
-        )
+        chosen: dict[str, Any] = {"camera": camera, "outputs": outputs, "channels": channels}
+        chosen |= {"depth_range": depth_range, "objects": objects, "segmentation": segmentation}
+        self._outputs = Outputs(model, **chosen, **shared)
         shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
+        shared |= {"shadows": shadows, "samples": samples}
         self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._fractions = VisibleFractions(self._batch.scene, threads)
-        self._shown = np.zeros(model.ngeom, dtype=bool)
-        self._shown[shown_geoms(model, range(6))] = True
+        self._colors = shown_colors(model)
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
         self.single_observation_space = with_entries(remaining, self._outputs.spaces)
         self.observation_space = batch_space(self.single_observation_space, env.num_envs)
@@ -140,7 +152,9 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             segmentation = images[SEGMENTATION]
             of_object = shapes_of_objects(self._batch.mujoco_scene.shapes(), self._batch.scene)
             images[SEGMENTATION] = of_object[segmentation]
-        entries: dict[str, np.ndarray] = {name: image.reshape(shape) for name, image in images.items()}
+        entries: dict[str, np.ndarray] = {
+            name: image.reshape(*shape, *image.shape[3:]) for name, image in images.items()
+        }
         if len(outputs.members):
             members = outputs.members_of(of_object[:-1])
             fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
@@ -153,9 +167,9 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         fovy = rows[:, self._layout.fovy]
         if (fovy != model.cam_fovy.astype(np.float32)).any():
             changes["cam_fovy"] = fovy
-        shown = rows[:, self._layout.shown] > 0
-        if (shown != self._shown).any():
-            new = np.argwhere(shown & ~self._shown)
+        colors = rows[:, self._layout.colors].reshape(len(rows), model.ngeom, 4)
+        if (colors != self._colors).any():
+            new = np.argwhere((colors[..., 3] > 0) & ~(self._colors[:, 3] > 0))
             if len(new):
                 world, geom = new[0].tolist()
                 raise SceneError(
@@ -163,10 +177,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
                     f"created, got one that becomes visible later in environment {world}; "
                     "wrap each in a DepthObservation instead"
                 )
-            colors = np.ones((*shown.shape, 4), dtype=np.float32)
-            colors[..., 3] = shown
             changes["geom_rgba"] = colors
-            changes["geom_matid"] = np.full((1, model.ngeom), -1, dtype=np.int32)
         return changes
 
     def _count(

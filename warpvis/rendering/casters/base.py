@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 import warp as wp
@@ -22,6 +22,7 @@ from warpvis.scene.worlds import part_of
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.images import Images
+    from warpvis.scene.world_appearances import DeviceAppearances
 
 _Item = TypeVar("_Item")
 
@@ -89,7 +90,7 @@ class CastOptions:
 class ViewBatch:
     """The checked views of one call."""
 
-    __slots__ = ("_device_poses", "count", "numbers", "pixels", "poses", "worlds")
+    __slots__ = ("_device_poses", "appearances", "count", "numbers", "pixels", "poses", "worlds")
 
     def __init__(
         self,
@@ -98,6 +99,7 @@ class ViewBatch:
         *,
         pixels: wp.array | None = None,
         numbers: NDArray[np.int64] | None = None,
+        appearances: DeviceAppearances | None = None,
     ) -> None:
         """Store the views.
 
@@ -107,15 +109,21 @@ class ViewBatch:
             pixels: Image points through which to cast instead of pixel centers [px], vec2 of shape ``(V, Y, X)``, which
                 is also the shape of the images; Y is 1 for lists.
             numbers: Number and frame of each view, which seed the random numbers of a sensor, shape ``(V, 2)``.
+            appearances: Appearances of worlds; None if all have the scene's.
         """
         self.poses, self.worlds, self.pixels, self.numbers = poses, worlds, pixels, numbers
+        self.appearances = appearances
         self.count = len(poses)
         self._device_poses: wp.array | None = poses if isinstance(poses, wp.array) else None
 
     def part(self, part: slice) -> ViewBatch:
         """Return a slice of the views."""
         pixels, numbers = (None if array is None else array[part] for array in (self.pixels, self.numbers))
-        return ViewBatch(self.poses[part], part_of(self.worlds, part), pixels=pixels, numbers=numbers)
+        appearances = self.appearances
+        if appearances is not None and self.worlds.world is None:
+            appearances = appearances.rows(part)
+        worlds = part_of(self.worlds, part)
+        return ViewBatch(self.poses[part], worlds, pixels=pixels, numbers=numbers, appearances=appearances)
 
     def poses_on(self, device: wp.Device) -> wp.array:
         """Return the poses on a device, transforms of shape ``(V,)``."""
@@ -149,6 +157,7 @@ class Scratch:
         """Create without memory."""
         self._device = device
         self._arrays: dict[str, wp.array] = {}
+        self._items: dict[str, Any] = {}
         self._rows = np.empty((0, POSE_WORDS), dtype=np.float32)
         self._poses: tuple[wp.array, wp.array] | None = None
 
@@ -165,6 +174,12 @@ class Scratch:
         self._rows[:] = poses
         wp.copy(target, source)
         return target
+
+    def item(self, name: str, make: Callable[[], _Item]) -> _Item:
+        """Return an object of an earlier call of the same kind, or make it."""
+        if name not in self._items:
+            self._items[name] = make()
+        return cast("_Item", self._items[name])
 
     def array(self, name: str, shape: tuple[int, ...], dtype: type) -> wp.array:
         """Return memory of an earlier call of the same kind, or allocate it."""

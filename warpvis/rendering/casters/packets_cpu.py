@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 import time
 from collections.abc import Callable
@@ -18,9 +17,9 @@ from numpy.typing import NDArray
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_zeros
 from warpvis.core.poses import Convention, host_poses
-from warpvis.core.threads import pack_launch, run_together
+from warpvis.core.threads import array_of_one, launch_shared, pack_launch
 from warpvis.core.types import PoseLike
-from warpvis.kernels.constants import BLOCK_SIDE, COUNTER_FINISHED, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
+from warpvis.kernels.constants import BLOCK_SIDE, JOB_COUNTERS, POSE_WORDS, TILE_SIDE
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ImageSlots, ViewBatch
 from warpvis.scene import Scene
 
@@ -69,7 +68,7 @@ class Workspace:
         self._call.poses = wp.array(self._pose_rows, dtype=wp.transform, device="cpu", copy=False)
         self._memory = self._call.__ctype__()
         self._memory.scene = scene.__ctype__()
-        arrays = _array_of_one(self._call, call_type), _array_of_one(self._images.struct, Images)
+        arrays = array_of_one(self._call, call_type), array_of_one(self._images.struct, Images)
         self._launch = pack_launch(kernel, [*arrays])
         self._launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
         self._workers = workers
@@ -79,22 +78,12 @@ class Workspace:
         """Cast the rays of a call: write the addresses of its arguments, copy its poses, and launch."""
         self._memory.scene, self._memory.worlds = scene.__ctype__(), views.worlds.__ctype__()
         self._pose_rows[:] = views.poses
-        self._counter.fill(0)
         self._images.fill(images)
         if views.pixels is not None:
             self._job.pixels = views.pixels.flatten().view(wp.float32).flatten()
-        workers = self._workers
-        if workers == 1:
-            self._launch.launch()
-        else:
-            run_together(self._launch.launch, workers, lambda: bool(self._counter[COUNTER_FINISHED] == workers))
+        launch_shared(self._launch, self._counter, self._workers)
         if views.pixels is not None:
             self._job.pixels = None
-
-
-def _array_of_one(struct: Any, dtype: Any) -> wp.array:
-    """Return a view of a struct as an array: a launch reads the struct's current contents. Does not keep it alive."""
-    return wp.array(ptr=ctypes.addressof(struct.__ctype__()), dtype=dtype, shape=(1,), device="cpu")
 
 
 class RayCosts:
@@ -210,9 +199,17 @@ class CpuPacketsCaster(CpuCaster):
             self._run("points", views, images, pixels.size, pixels.size, make)
 
     def _make_strips(self, views: int, points: int, scene: BvhScene, workers: int) -> Workspace:
-        from warpvis.kernels.casting.packets import PacketCall, PacketJob, cast_packets
+        from warpvis.kernels.casting.packets import PacketCall, cast_packets
 
-        call, job = PacketCall(), PacketJob()
+        call = PacketCall()
+        call.job, units = self._strips(views, points, workers)
+        return Workspace(scene, cast_packets, (call, PacketCall), views, min(workers, units))
+
+    def _strips(self, views: int, points: int, workers: int) -> tuple[Any, int]:
+        """Return the job of images, or of points of each view, and its number of units."""
+        from warpvis.kernels.casting.packets import PacketJob
+
+        job = PacketJob()
         # Every strip reads all points of its view: use no more strips than threads can share.
         strip_rows = split_rows(views, self._camera.height, workers, equal=bool(points))
         job.strip_rows = wp.array(strip_rows, dtype=wp.int32, device="cpu")
@@ -220,8 +217,7 @@ class CpuPacketsCaster(CpuCaster):
         job.camera = self._camera.device_struct(clip_near=self._options.clip_near)
         job.cull_backfaces = int(self._options.cull_backfaces)
         job.points = points
-        call.job = job
-        return Workspace(scene, cast_packets, (call, PacketCall), views, min(workers, views * (len(strip_rows) - 1)))
+        return job, views * (len(strip_rows) - 1)
 
     def _make_map(self, shape: tuple[int, int, int], scene: BvhScene, workers: int) -> Workspace:
         from warpvis.kernels.casting.packets import RemapCall, RemapJob, cast_remapped_packets

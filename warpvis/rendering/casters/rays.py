@@ -100,8 +100,7 @@ class RayBundleCaster(RaysCaster):
         if views.pixels is None:
             self._cast_along(views, self._rays, self._origins, images)
             return
-        rays = self._camera.rays_at(views.pixels.numpy())
-        self.cast_along(views, wp.array(rays, dtype=wp.vec3d, device=self._scene.device), images)
+        self.cast_along(views, rays_through(self._camera, views.pixels, self._scene.device), images)
 
     def cast_along(self, views: ViewBatch, rays: wp.array, images: ImagesByName) -> None:
         """Cast along rays of the camera frame, of depth 1, shape ``(V, Y, X)`` vec3d; ``(1, Y, X)`` for all views."""
@@ -114,8 +113,7 @@ class RayBundleCaster(RaysCaster):
 
     @cached_property
     def _rays(self) -> wp.array:
-        rays = rays_on_device(self._camera, self._scene.device)
-        return rays.reshape((1, *rays.shape))
+        return rays_through(self._camera, None, self._scene.device)
 
     @cached_property
     def _origins(self) -> wp.array | None:
@@ -139,6 +137,17 @@ def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
     """Return whether ray origins are so close to each other that packets of rays are coherent."""
     has_ray = np.isfinite(rays).all(axis=-1)
     return not has_ray.any() or bool(np.ptp(origins[has_ray], axis=0).max() <= MAX_ORIGIN_EXTENT)
+
+
+def rays_through(camera: RayCamera, pixels: wp.array | None, device: wp.Device) -> wp.array:
+    """Return rays of depth 1 on a device, vec3d: of all pixels, ``(1, Y, X)``, or through image points, ``(V, Y, X)``.
+
+    Image points are unprojected on the host.
+    """
+    if pixels is not None:
+        return wp.array(camera.rays_at(pixels.numpy()), dtype=wp.vec3d, device=device)
+    rays = rays_on_device(camera, device)
+    return rays.reshape((1, *rays.shape))
 
 
 def rays_on_device(camera: AnyCamera, device: wp.Device, name: Literal["rays", "origins"] = "rays") -> wp.array:

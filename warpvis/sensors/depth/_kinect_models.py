@@ -19,6 +19,7 @@ from warpvis.cameras.checks import as_floats
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import as_path, check_angle, check_flag, check_number, describe_exception
+from warpvis.core.numpy_files import read_array
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
 from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
@@ -203,7 +204,7 @@ def _read_table(value: object) -> NDArray[np.float32]:
     try:
         if path.stat().st_size > _MAX_BYTES:
             raise FileFormatError(f"{path}: must be a table of 32,000 distortion factors, but is too large")
-        table = np.load(path, allow_pickle=False) if path.suffix.lower() == ".npy" else _read_text(path)
+        table = read_array(path) if path.suffix.lower() == ".npy" else _read_text(path)
     except FileFormatError:
         raise
     except OSError as error:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
 from warpvis.core.checks import as_path, check_whole, describe_exception, truncate
+from warpvis.core.numpy_files import read_array
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors.lidars._plain import check_positive, directions_at
 
@@ -121,15 +122,12 @@ def _from_wheel(model: str) -> Path:
 
 
 def _read_npy(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or 'it is not an NPY file'}") from None
-    except Exception as error:  # damaged files may raise any exception
-        raise FileFormatError(f"{path}: cannot be read as NPY: {describe_exception(error)}") from None
-    if not isinstance(loaded, np.ndarray) or loaded.ndim != 2 or loaded.shape[1] != 2 or loaded.dtype.kind != "f":
-        got = f"{loaded.dtype} of {loaded.shape}" if isinstance(loaded, np.ndarray) else "an archive"
-        raise FileFormatError(f"{path}: must contain azimuth and elevation, floats of shape (samples, 2), got {got}")
+    loaded = read_array(path)
+    if loaded.ndim != 2 or loaded.shape[1] != 2 or loaded.dtype.kind != "f":
+        raise FileFormatError(
+            f"{path}: must contain azimuth and elevation, floats of shape (samples, 2), got {loaded.dtype} of "
+            f"{loaded.shape}"
+        )
     azimuth, elevation = loaded.astype(np.float64).T
     return _check_angles(path, azimuth, elevation)
 

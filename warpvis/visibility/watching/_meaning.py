@@ -33,17 +33,20 @@ def probabilities(
     robot: Mapping[str, Sight],
     previous: Mapping[str, float] | None,
     elapsed: float | None,
+    *,
+    gazing: bool = False,
 ) -> dict[str, float]:
     """Return the probability that a person means each place that the person sees or may see; see `ReferenceModel`.
 
     Args:
         model: Parameters.
-        person: The person; the axis of the head is the gaze.
+        person: The person, who looks along the axis of the pose.
         targets: The places.
         sights: What the person sees, by name.
         robot: What the robot sees, by name.
         previous: Probabilities in the last frame; None in the first one.
         elapsed: Time since the last frame [s]; None if it is not known: then `previous` is ignored.
+        gazing: Whether the axis is that of the eyes, rather than of the head.
     """
     shares = {item.name: sights[item.name].visible + sights[item.name].unknown for item in targets}
     seen = [item for item in targets if shares[item.name] > 0]
@@ -54,12 +57,13 @@ def probabilities(
     solid_angles = extents.solid_angles * np.array([shares[item.name] for item in seen])
     prior = prior_probabilities(model, solid_angles, person_only, np.zeros((0, len(seen))))
     axis = poses_to_matrices(person.poses)[0, :3, 2]
-    log_density = log_densities(model, axis, extents, model.head_sigma)
+    log_density = log_densities(model, axis, extents, model.gaze_sigma if gazing else model.head_sigma)
     if previous is None or elapsed is None:
         found = posterior_probabilities(model, prior, log_density)
     else:
         last = np.array([previous.get(item.name, 0.0) for item in seen])
-        power = min(1.0, elapsed * model.switch_rate)
+        rate = 1 / max(model.fixation, 1e-9) if gazing else model.switch_rate
+        power = min(1.0, elapsed * rate)
         found = posterior_probabilities(model, prior, power * log_density, last, elapsed)
     return {item.name: float(value) for item, value in zip(seen, found, strict=True)}
 

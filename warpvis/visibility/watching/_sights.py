@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from warpvis.core.labels import Visibility
 from warpvis.core.types import ArrayInput
-from warpvis.maps import OccupancyMap, Voxel
+from warpvis.maps import OccupancyMap
 from warpvis.visibility._agents import Agent
-from warpvis.visibility._measured_space import MeasuredSpace
+from warpvis.visibility._measured_space import MeasuredSpace, find_stop
 from warpvis.visibility._points import point_visibility, point_visibility_from_depth
 
 # Lines of sight to an object.
@@ -114,23 +114,10 @@ def see_through_map(targets: Sequence[Target], agent: Agent, occupancy: Occupanc
     sights, start = {}, 0
     for target, part in zip(targets, aims, strict=True):
         rows = slice(start, start + len(part))
-        stop = _find_stop(space, eye, part[0], Visibility(status[start]))
+        stop = find_stop(space, eye, part[0], Visibility(status[start]))
         sights[target.name] = _summarize(status[rows], lengths[rows], stop)
         start += len(part)
     return sights
-
-
-def _find_stop(space: MeasuredSpace, eye: Floats, point: Floats, status: Visibility) -> Floats | None:
-    """Return the first sample, half a voxel apart, of a surface or of unmeasured space on a line; None without one."""
-    if status not in (Visibility.OCCLUDED, Visibility.UNKNOWN):
-        return None
-    length = float(np.linalg.norm(point - eye))
-    step = space.occupancy.cell_size / 2
-    distances = np.arange(space.eye_clearance, length - (space.margin or 0.0), step) + step / 2
-    line = eye + distances[:, None] * (point - eye) / length
-    states = space.occupancy.states(line).numpy()
-    marks = states == Voxel.SURFACE if status == Visibility.OCCLUDED else states < Voxel.FREE
-    return line[marks.argmax()] if marks.any() else None
 
 
 def _summarize(status: NDArray[np.uint8], unknown: Floats, stop: Floats | None) -> Sight:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,22 +14,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, check_length
-from warpvis.core.checks import as_items, check_mapping, check_text, is_number
+from warpvis.core.checks import check_text, is_number
 from warpvis.core.labels import Label
 from warpvis.core.poses import (
     Convention,
     QuaternionOrder,
     poses_to_matrices,
-    poses_to_opencv,
     quaternion_product,
-    to_xyzw,
 )
 from warpvis.core.types import ArrayInput, DeviceLike, PoseLike
-from warpvis.errors import ArrayError, PoseError, SceneError
+from warpvis.errors import ArrayError
 from warpvis.maps import FloorFit, FloorMap, OccupancyMap, Sigma, Sphere, VoxelMap, back_project, classify, floor_map
 from warpvis.visibility._agents import Agent
+from warpvis.visibility._eyes import Eyes
+from warpvis.visibility._line_of_sight import LineOfSight, line_of_sight, line_of_sight_in_depth
 from warpvis.visibility._reference_model import ReferenceModel
 from warpvis.visibility.watching._floor_search import FloorSearch
+from warpvis.visibility.watching._inputs import read_angles, read_floor, read_people, read_places, read_row
 from warpvis.visibility.watching._meaning import probabilities
 from warpvis.visibility.watching._sights import Sight, Target, see_in_image, see_through_map
 
@@ -57,7 +59,7 @@ class Watched:
     robot: Agent
     """The robot: its camera and its pose."""
     people: tuple[Agent, ...]
-    """The people."""
+    """The people, at the poses of their eyes."""
     depth: NDArray[np.float32]
     """The depth image [m], ``(H, W)``."""
     labels: NDArray[np.uint8]
@@ -132,13 +134,13 @@ class DepthWatcher:
             device: Device of the map and of computations.
         """
         self._camera = require_image_camera(camera)
-        self._targets = _read_places(places)
+        self._targets = read_places(places)
         self._search: FloorSearch | None = None
         self._transform: NDArray[np.float64] | None = None
         if floor is None:
             self._search = FloorSearch(camera, up=up, camera_height=camera_height)
         else:
-            self._transform = _read_floor(floor)
+            self._transform = read_floor(floor)
         self._cell_size = check_length(cell_size, "cell_size", zero=False)
         self._max_range = check_length(max_range, "max_range", zero=False)
         self._sigma = _kinect_noise() if sigma is None else sigma
@@ -150,6 +152,12 @@ class DepthWatcher:
         self._device = device
         self._map: OccupancyMap | None = None
         self._last: Watched | None = None
+        self._before: Watched | None = None
+        """Results of the image before the last one."""
+        self._heads: tuple[Agent, ...] = ()
+        """People of the last image, in the floor's world, before their eyes are turned."""
+        self._eyes = Eyes()
+        self._lock = threading.RLock()
 
     @property
     def cell_size(self) -> float:
@@ -199,8 +207,8 @@ class DepthWatcher:
         Returns:
             The results; None before the floor is found: then `problem` tells why.
         """
-        pose = _read_row(camera_to_world, convention, quaternion)
-        agents = _read_people(people, self._robot)
+        pose = read_row(camera_to_world, convention, quaternion)
+        agents = read_people(people, self._robot)
         if time is not None and (not is_number(time) or not math.isfinite(time)):
             raise ArrayError(f"time must be a finite number of seconds, got {time!r}")
         if self._transform is None and self._search is not None:
@@ -208,7 +216,49 @@ class DepthWatcher:
             if found is None:
                 return None
             self._transform = found.world_from_input
-        return self._watch(depth, self._to_floor(pose), agents, time)
+        with self._lock:
+            return self._watch(depth, self._to_floor(pose), agents, time)
+
+    def lines_of_sight(self, point: ArrayLike) -> dict[str, LineOfSight]:
+        """Return whether the robot and each person see a point, and if not, why, by name.
+
+        The last image decides for the robot, and the map for people. May be called from any thread.
+
+        Args:
+            point: Point in the floor's world [m], ``(3,)``.
+
+        Raises:
+            ArrayError: If there is no image yet, or if the point is at the eyes of someone.
+        """
+        with self._lock:
+            if self._map is None or self._last is None:
+                raise ArrayError("the map must not be empty: call update, and see problem if it returns None")
+            robot, depth = self._last.robot, self._last.depth
+            lines = {self._robot: line_of_sight_in_depth(robot, depth, point, 2 * self._cell_size)}
+            return lines | {person.name: line_of_sight(self._map, person, point) for person in self._last.people}
+
+    def turn_eyes(self, name: str, angles: tuple[float, float] | None) -> Watched | None:
+        """Turn the eyes of a person from the axis of the head, in this and in later images.
+
+        The fields of view and of attention turn with the eyes, and the person's gaze is then known. May be called from
+        any thread.
+
+        Args:
+            name: Name of the person.
+            angles: Angles to the right and up [rad], together at most `ReferenceModel.max_eye_angle`; None turns the
+                eyes back, and the gaze is not known.
+
+        Returns:
+            The results of the last image; None without one.
+        """
+        check_text(name, "name")
+        with self._lock:
+            if angles is None:
+                self._eyes.release(name)
+            else:
+                right, up = read_angles(angles)
+                self._eyes.turn(name, right, up)
+            return None if self._last is None else self._judge(self._last)
 
     def voxel_map(self) -> VoxelMap:
         """Return the map near the camera as a dense array: a copy.
@@ -254,12 +304,20 @@ class DepthWatcher:
         self._integrate(np.where(labels == Label.HUMAN, np.nan, image).astype(np.float32), pose)
         assert self._map is not None
         robot = Agent(self._robot, self._camera, pose)
-        sights = {self._robot: see_in_image(targets, robot, image, 2 * self._cell_size)}
+        places = {item.name: np.append(item.center, item.diameter) for item in targets}
+        self._before, self._heads = self._last, people
+        return self._judge(Watched(time, robot, people, image, labels, points, places, {}, {}))
+
+    def _judge(self, watched: Watched) -> Watched:
+        """Compute what everybody sees of the places in an image that is in the map."""
+        assert self._map is not None
+        people = tuple(self._eyes.looking(head) for head in self._heads)
+        targets = [Target(name, place[:3], float(place[3])) for name, place in watched.places.items()]
+        sights = {self._robot: see_in_image(targets, watched.robot, watched.depth, 2 * self._cell_size)}
         for person in people:
             sights[person.name] = see_through_map(targets, person, self._map)
-        places = {item.name: np.append(item.center, item.diameter) for item in targets}
-        candidates = {person.name: self._candidates(person, targets, sights, time) for person in people}
-        self._last = Watched(time, robot, people, image, labels, points, places, sights, candidates)
+        candidates = {person.name: self._candidates(person, targets, sights, watched.time) for person in people}
+        self._last = replace(watched, people=people, sights=sights, candidates=candidates)
         return self._last
 
     def _label(
@@ -309,12 +367,13 @@ class DepthWatcher:
     ) -> dict[str, float]:
         """Return the probabilities of what a person means."""
         previous, elapsed = None, None
-        if self._last is not None and self._last.time is not None and time is not None:
-            previous, elapsed = self._last.candidates.get(person.name), time - self._last.time
+        if self._before is not None and self._before.time is not None and time is not None:
+            previous, elapsed = self._before.candidates.get(person.name), time - self._before.time
             if elapsed < 0:
                 previous = elapsed = None  # a recording begins again
         found = sights[person.name], sights[self._robot]
-        return probabilities(self._model, person, targets, *found, previous, elapsed)
+        gazing = person.name in self._eyes.angles
+        return probabilities(self._model, person, targets, *found, previous, elapsed, gazing=gazing)
 
 
 def _kinect_noise() -> Sigma:
@@ -327,45 +386,3 @@ def _move(transform: NDArray[np.float64], points: NDArray[np.float64]) -> NDArra
     """Transform points ``(N, 3)`` by a pose row."""
     matrix = poses_to_matrices(transform[None])[0]
     return points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def _read_row(pose: PoseLike, convention: Convention, quaternion: QuaternionOrder) -> NDArray[np.float64]:
-    """Return the pose of the camera as a row with OpenCV axes."""
-    values = as_numpy(to_xyzw(pose, quaternion, "camera_to_world"), name="camera_to_world")
-    rows = poses_to_opencv(values, convention, name="camera_to_world")
-    if len(rows) != 1:
-        raise PoseError(f"camera_to_world must be one pose, got {len(rows)}")
-    return rows[0]
-
-
-def _read_places(places: Mapping[str, ArrayLike] | None) -> list[Target]:
-    targets = []
-    for name, values in check_mapping({} if places is None else places, "places").items():
-        row = as_numpy(values, name=f"place {check_text(name, 'name of a place')!r}").astype(np.float64)
-        if row.shape not in ((3,), (4,)) or not np.isfinite(row).all() or (len(row) == 4 and row[3] < 0):
-            raise ArrayError(f"place {name!r} must be a point x y z or a sphere x y z diameter [m], got {row.tolist()}")
-        targets.append(Target(name, row[:3], float(row[3]) if len(row) == 4 else 0.0))
-    return targets
-
-
-def _read_floor(floor: object) -> NDArray[np.float64]:
-    """Return the transform to the floor's world."""
-    if isinstance(floor, FloorFit):
-        return floor.world_from_input
-    if not is_number(floor) or not math.isfinite(floor):
-        raise ArrayError(f"floor must be the result of fit_floor or the height of the floor [m], got {floor!r}")
-    return np.array([0.0, 0.0, -floor, 0.0, 0.0, 0.0, 1.0])
-
-
-def _read_people(people: Sequence[Agent], robot: str) -> list[Agent]:
-    agents = as_items(people, "people", SceneError)
-    names = [robot]
-    for agent in agents:
-        if not isinstance(agent, Agent):
-            raise SceneError(f"people must be warpvis.Agent, such as Agent.human, got {type(agent).__name__}")
-        if len(agent.poses) != 1:
-            raise SceneError(f"{agent.name!r} must have one pose, got {len(agent.poses)}")
-        if agent.name in names:
-            raise SceneError(f"people and the robot must have different names, got {agent.name!r} more than once")
-        names.append(agent.name)
-    return agents

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.webots._nodes import Node, Version, new_node
+from warpvis.webots.protos._appearances import field_appearance, plain_appearance
 from warpvis.webots.protos._standins import Vector, box_at, in_axes, numbers, shape_at, solid_of
 from warpvis.webots.shapes._geometry import revolve, turned
 from warpvis.webots.shapes._polygons import positive, positives, refuse, whole
@@ -40,21 +41,25 @@ def expand(node: Node) -> Node | None:
     return solid
 
 
-def _floor(node: Node, field: str = "size", default: tuple[float, float] = (10, 10)) -> Iterable[Node]:
+def _floor(
+    node: Node, field: str = "size", default: tuple[float, float] = (10, 10), appearance: Node | None = None
+) -> Iterable[Node]:
     """Build one level rectangle that faces up, regardless of texture sizes and subdivisions."""
-    yield shape_at(node, new_node(node, "Plane", {"size": numbers(positives(node, field, default))}))
+    plane = new_node(node, "Plane", {"size": numbers(positives(node, field, default))})
+    yield shape_at(node, plane, appearance=appearance)
 
 
 def _rectangle_arena(node: Node) -> Iterable[Node]:
     """Build a floor and four walls around it; the corners belong to the second pair of walls."""
     x, y = positives(node, "floorSize", (1, 1))
     thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
-    yield from _floor(node, "floorSize", (1, 1))
+    floor, walls = _arena_appearances(node)
+    yield from _floor(node, "floorSize", (1, 1), floor)
     longer = x + 2 * thickness
     for sign in (-1, 1):
         wall_x, wall_y = sign * (x + thickness) / 2, sign * (y + thickness) / 2
-        yield box_at(node, _level(node, thickness, y, height), _level(node, wall_x, 0, height / 2))
-        yield box_at(node, _level(node, longer, thickness, height), _level(node, 0, wall_y, height / 2))
+        yield box_at(node, _level(node, thickness, y, height), _level(node, wall_x, 0, height / 2), walls)
+        yield box_at(node, _level(node, longer, thickness, height), _level(node, 0, wall_y, height / 2), walls)
 
 
 def _circle_arena(node: Node) -> Iterable[Node]:
@@ -65,11 +70,18 @@ def _circle_arena(node: Node) -> Iterable[Node]:
     radius = positive(node, "radius", 1.0)
     thickness, height = positive(node, "wallThickness", 0.01), positive(node, "wallHeight", 0.1)
     corners = int(_changed(node, "subdivision", whole(node, "subdivision", 48, -1000, 1000), lower=8))
-    yield _face_set(node, [(0, 0), (radius + thickness / 2, 0)], corners, 0.25)
+    floor, wall = _arena_appearances(node)
+    yield _face_set(node, [(0, 0), (radius + thickness / 2, 0)], corners, 0.25, floor)
     outer = radius + thickness
     inner = outer - abs(outer * np.cos(np.pi / corners) - radius)
     pipe = [(outer, height), (outer, 0.0), (inner, 0.0), (inner, height), (outer, height)]
-    yield _face_set(node, pipe, corners, 0.5 if node.version.z_up else 0.0)
+    yield _face_set(node, pipe, corners, 0.5 if node.version.z_up else 0.0, wall)
+
+
+def _arena_appearances(node: Node) -> tuple[Node | None, Node | None]:
+    """Return the appearances of an arena's floor and walls."""
+    floor = field_appearance(node, "floorAppearance", "ChequeredParquetry")
+    return floor, field_appearance(node, "wallAppearance", "BrushedAluminium")
 
 
 def _wall(node: Node) -> Iterable[Node]:
@@ -129,12 +141,13 @@ def _table(node: Node) -> Iterable[Node]:
     padding = node.number("feetPadding", 0.0)
     tray = positive(node, "frameThickness", 0.05)
     _check(node, tray < up, "frameThickness below the table's height", f"{tray:g}")
-    yield _part(node, (along, tray, across), (0, up - tray / 2, 0))
+    top, legs = (field_appearance(node, f"{part}Appearance", "VarnishedPine") for part in ("tray", "leg"))
+    yield _part(node, (along, tray, across), (0, up - tray / 2, 0), top)
     to_side, to_front = (along - foot_along) / 2 - padding, (across - foot_across) / 2 - padding
     for one in (-to_side, to_side):
         for other in (-to_front, to_front):
             if feet.all():
-                yield _part(node, (foot_along, up - tray, foot_across), (one, (up - tray) / 2, other))
+                yield _part(node, (foot_along, up - tray, foot_across), (one, (up - tray) / 2, other), legs)
 
 
 def _door(node: Node) -> Iterable[Node]:
@@ -148,11 +161,20 @@ def _door(node: Node) -> Iterable[Node]:
     height = _changed(node, "frameHeight", positive(node, "frameHeight", 2.0), upper=up)
     leaf = positive(node, "doorThickness", 0.05)
     _check(node, 2 * post < along and lintel < height, "a frame with an opening", f"frameSize {post:g} {lintel:g}")
+    wall, frame = _wall_appearances(node)
     if height < up:
-        yield _part(node, (along, up - height, across), (0, (up + height) / 2, 0))
-    yield from _frame(node, (along, height, across + 2 * out), (post, lintel), 0.0)
+        yield _part(node, (along, up - height, across), (0, (up + height) / 2, 0), wall)
+    yield from _frame(node, (along, height, across + 2 * out), (post, lintel), 0.0, frame)
     before = across / 2 + out + leaf / 2 + 0.001
-    yield _part(node, (along - post, height - lintel / 2, leaf), (0, height / 2, before))
+    door = field_appearance(node, "doorAppearance", "GenericDoorAppearance")
+    yield _part(node, (along - post, height - lintel / 2, leaf), (0, height / 2, before), door)
+
+
+def _wall_appearances(node: Node) -> tuple[Node | None, Node | None]:
+    """Return the appearances of the wall and the frame of a door or window."""
+    return field_appearance(node, "wallAppearance", "Roughcast"), field_appearance(
+        node, "frameAppearance", "VarnishedPine"
+    )
 
 
 def _window(node: Node) -> Iterable[Node]:
@@ -176,15 +198,17 @@ def _window(node: Node) -> Iterable[Node]:
     (along, up, across), (post, bar, out) = size, frame
     _check(node, 2 * post < along, "a frame with an opening", f"frameSize {post:g} along")
     over, deep = up - below - height, across + 2 * out
+    wall, wood = _wall_appearances(node)
+    glass = plain_appearance(node, (0.8, 0.85, 0.85), transparency=0.7)
     if below > 0:
-        yield _part(node, (along, below, across), (0, below / 2, 0))
+        yield _part(node, (along, below, across), (0, below / 2, 0), wall)
     if over > 1e-9 * up:
-        yield _part(node, (along, over, across), (0, up - over / 2, 0))
-    yield _part(node, (along - 2 * post, height - 2 * bar, pane), (0, below + height / 2, 0))
+        yield _part(node, (along, over, across), (0, up - over / 2, 0), wall)
+    yield _part(node, (along - 2 * post, height - 2 * bar, pane), (0, below + height / 2, 0), glass)
     if sill_out > 0 and sill > 0:
-        yield _part(node, (along, sill, deep + 2 * sill_out), (0, below + sill / 2, 0))
-    yield _part(node, (along - 2 * post, bar, deep), (0, below + sill + bar / 2, 0))
-    yield from _frame(node, (along, height, deep), (post, bar), below)
+        yield _part(node, (along, sill, deep + 2 * sill_out), (0, below + sill / 2, 0), wood)
+    yield _part(node, (along - 2 * post, bar, deep), (0, below + sill + bar / 2, 0), wood)
+    yield from _frame(node, (along, height, deep), (post, bar), below, wood)
 
 
 _LAYOUT = (
@@ -251,13 +275,13 @@ def _drawer(node: Node, size: Vector, place: Vector, depth: float, deep: float, 
         yield _part(node, (thick, up - 2 * thick, deep - 2 * thick), (side, height + thick / 2, middle))
 
 
-def _frame(node: Node, size: Vector, bars: Vector, bottom: float) -> Iterable[Node]:
+def _frame(node: Node, size: Vector, bars: Vector, bottom: float, appearance: Node | None) -> Iterable[Node]:
     """Build two posts and a lintel between them at the top, of a total size along, up, across."""
     along, up, across = size
     post, bar = bars
     for sign in (-1, 1):
-        yield _part(node, (post, up, across), (sign * (along - post) / 2, bottom + up / 2, 0))
-    yield _part(node, (along - 2 * post, bar, across), (0, bottom + up - bar / 2, 0))
+        yield _part(node, (post, up, across), (sign * (along - post) / 2, bottom + up / 2, 0), appearance)
+    yield _part(node, (along - 2 * post, bar, across), (0, bottom + up - bar / 2, 0), appearance)
 
 
 def _changed(node: Node, field: str, value: float, lower: float = 0.0, upper: float = np.inf) -> float:
@@ -309,12 +333,15 @@ def _level(node: Node, first: float, second: float, up: float) -> tuple[float, f
     return (first, second, up) if node.version.z_up else (first, up, second)
 
 
-def _part(node: Node, size: Vector, place: Vector) -> Node:
+def _part(node: Node, size: Vector, place: Vector, appearance: Node | None = None) -> Node:
     """Build a box from its size and center, both along, up, across."""
-    return box_at(node, *(in_axes(node, (across, along, up), "z") for along, up, across in (size, place)))
+    sides, center = (in_axes(node, (across, along, up), "z") for along, up, across in (size, place))
+    return box_at(node, sides, center, appearance)
 
 
-def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, revolutions: float) -> Node:
+def _face_set(
+    node: Node, profile: Sequence[tuple[float, float]], corners: int, revolutions: float, appearance: Node | None
+) -> Node:
     """Build a surface of revolution about the upright axis, rotated about it."""
     triangles = revolve(profile, [True] * (len(profile) - 1), corners)
     assert triangles is not None
@@ -324,7 +351,8 @@ def _face_set(node: Node, profile: Sequence[tuple[float, float]], corners: int, 
     points = vertices if node.version.z_up else turned(vertices)
     coord = new_node(node, "Coordinate", {"point": numbers(points.ravel())})
     index = np.pad(triangles[1], ((0, 0), (0, 1)), constant_values=-1)
-    return shape_at(node, new_node(node, "IndexedFaceSet", {"coord": coord, "coordIndex": numbers(index.ravel())}))
+    face_set = new_node(node, "IndexedFaceSet", {"coord": coord, "coordIndex": numbers(index.ravel())})
+    return shape_at(node, face_set, appearance=appearance)
 
 
 _EXPANDERS: dict[str, tuple[Callable[[Node], Iterable[Node]], str]] = {

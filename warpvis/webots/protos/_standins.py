@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from warpvis.errors import FileFormatError
 from warpvis.webots._nodes import Node, Value, Version, new_node
+from warpvis.webots.protos._appearances import object_appearance, plain_appearance
 
 _Sides: TypeAlias = tuple[float, float, float]
 Vector: TypeAlias = Sequence[float] | NDArray[np.float64]
@@ -188,14 +189,16 @@ def solid_of(
     return new_node(node, "Solid", {**fields, "children": [*children]}, node.name)
 
 
-def box_at(node: Node, size: Vector, place: Vector = (0.0, 0.0, 0.0)) -> Node:
-    """Build a Shape of a Box centered on a position."""
-    return shape_at(node, new_node(node, "Box", {"size": numbers(size)}), place)
+def box_at(node: Node, size: Vector, place: Vector = (0.0, 0.0, 0.0), appearance: Node | None = None) -> Node:
+    """Build a Shape of a Box centered on a position; see `shape_at`."""
+    return shape_at(node, new_node(node, "Box", {"size": numbers(size)}), place, appearance)
 
 
-def shape_at(node: Node, geometry: Node, place: Vector = (0.0, 0.0, 0.0)) -> Node:
-    """Build a Shape of a geometry centered on a position."""
-    shape = new_node(node, "Shape", {"geometry": geometry})
+def shape_at(node: Node, geometry: Node, place: Vector = (0.0, 0.0, 0.0), appearance: Node | None = None) -> Node:
+    """Build a Shape of a geometry centered on a position, by default with the appearance of the whole instance."""
+    appearance = object_appearance(node) if appearance is None else appearance
+    fields: dict[str, Value] = {"geometry": geometry}
+    shape = new_node(node, "Shape", fields if appearance is None else {**fields, "appearance": appearance})
     return new_node(node, "Pose", {"translation": numbers(place), "children": [shape]}) if any(place) else shape
 
 
@@ -210,6 +213,9 @@ _LIMBS = (
     *(((-0.05, 0.116 * side, -0.8), (-0.06, 0.116 * side, -1.13), 0.075) for side in (-1, 1)),  # lower legs
     *(((-0.08, 0.115 * side, -1.22), (0.09, 0.115 * side, -1.22), 0.05) for side in (-1, 1)),  # feet
 )
+_CLOTHES = ("shirt", "skin", "skin", "shirt", "shirt", "skin", "skin", *("pants",) * 4, "shoes", "shoes")
+"""What covers each limb."""
+_SKIN = (0.8, 0.6, 0.5)
 # PROTOs with a size that are not similar to a box: terrain, a hole, a hollow pipe.
 _UNLIKE_BOXES = {"Pit", "SolidPipe", "UnevenTerrain"}
 _STANDING = 1.27  # default height of the origin above the ground [m]
@@ -279,7 +285,15 @@ def _size_of(node: Node) -> tuple[float, ...] | None:
 
 def _pedestrian(node: Node) -> Node:
     shapes = []
-    for first, second, radius in _LIMBS:
+    shirt, pants = node.vector("shirtColor", (0.25, 0.55, 0.2)), node.vector("pantsColor", (0.24, 0.25, 0.5))
+    colors = {
+        "shirt": shirt,
+        "pants": pants,
+        "shoes": node.vector("shoesColor", (0.28, 0.15, 0.06)),
+        "skin": np.array(_SKIN),
+    }
+    looks = {name: plain_appearance(node, tuple(map(float, np.clip(row, 0, 1)))) for name, row in colors.items()}
+    for (first, second, radius), part in zip(_LIMBS, _CLOTHES, strict=True):
         one, other = (np.array(in_axes(node, end, "z")) for end in (first, second))
         along = one - other
         height = float(np.linalg.norm(along))
@@ -291,13 +305,12 @@ def _pedestrian(node: Node) -> Node:
         fields: dict[str, Value] = {
             "translation": numbers((one + other) / 2),
             "rotation": numbers((*axis, angle)),
-            "children": [shape_at(node, capsule)],
+            "children": [shape_at(node, capsule, appearance=looks[part])],
         }
         shapes.append(new_node(node, "Pose", fields))
     body = solid_of(node, shapes, "pedestrian")
     body.fields.setdefault("translation", [*in_axes(node, (0.0, 0.0, _STANDING), "z")])
-    colors = [node.vector("shirtColor", (0.25, 0.55, 0.2)), node.vector("pantsColor", (0.24, 0.25, 0.5))]
-    body.fields["recognitionColors"] = [*np.concatenate(colors).tolist()]
+    body.fields["recognitionColors"] = [*np.concatenate([shirt, pants]).tolist()]
     return body
 
 

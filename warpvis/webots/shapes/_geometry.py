@@ -223,7 +223,7 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
     except FileFormatError as error:
         raise type(error)(f"{node.place}: {error}") from None
     collada, converts_up_axis = suffix == ".dae", node.version >= Version(2022, 2)
-    part_name = node.text("name", "") if node.type == "Mesh" and (collada or not converts_up_axis) else ""
+    part_name = mesh_part_name(node, suffix)
     chosen = [part for name, part in parts if part_name in ("", name)]
     if not chosen:
         known = ", ".join(repr(name) for name, _ in parts[:10])
@@ -235,12 +235,31 @@ def _mesh_file(node: Node, resolve: Resolve) -> Triangles | None:
     return compact(vertices, faces if node.flag("ccw", True) else faces[:, ::-1])
 
 
+def mesh_part_name(node: Node, suffix: str) -> str:
+    """Return the name of the only part that a Mesh shows; empty for all parts."""
+    uses_name = node.type == "Mesh" and (suffix == ".dae" or node.version < Version(2022, 2))
+    return node.text("name", "") if uses_name else ""
+
+
 @lru_cache(maxsize=64)
 def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArray[np.float64], NDArray[np.int64]]]]:
     """Read name, vertices and faces of each part of a mesh file; the modification time `changed` is part of the key.
 
     COLLADA files are converted to meters with y up, as by the Open Asset Import Library, which Webots uses.
     """
+    parts = []
+    for name, mesh, placement in load_mesh_parts(path, suffix):
+        vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
+        parts.append((name, (vertices, keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3]))))
+    if not parts:
+        raise FileFormatError(f"{path}: holds no triangles")
+    if not all(np.isfinite(vertices).all() for _, (vertices, _) in parts):
+        raise FileFormatError(f"{path}: vertices must be finite")
+    return parts
+
+
+def load_mesh_parts(path: Path, suffix: str) -> list[tuple[str, Any, NDArray[np.float64]]]:
+    """Load name, trimesh mesh and placement, ``(4, 4)``, of each part of a mesh file that has triangles, by name."""
     import trimesh
 
     kind = suffix.lstrip(".")
@@ -252,10 +271,10 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
     if kind == "obj":
         options |= {"skip_materials": True, "split_objects": True, "group_material": False}
     with reading(path, kind.upper()):
-        linear = np.eye(3)
+        upright = np.eye(4)
         if kind == "dae":
             file = path.read_bytes()
-            linear = frame_of(file)
+            upright[:3, :3] = frame_of(file)
             scene = trimesh.load_scene(io.BytesIO(without_skins(file)), file_type=kind, **options)
         else:
             named = path.suffix.lower() == suffix
@@ -263,16 +282,9 @@ def _read(path: Path, suffix: str, changed: int) -> list[tuple[str, tuple[NDArra
         parts = []
         for name in sorted(scene.graph.nodes_geometry):  # for a deterministic order
             placement, key = scene.graph[name]
-            mesh = scene.geometry[key]
-            if len(getattr(mesh, "faces", ())):
-                vertices = np.asarray(mesh.vertices, dtype=np.float64) @ placement[:3, :3].T + placement[:3, 3]
-                faces = keep_winding(np.asarray(mesh.faces, dtype=np.int64), placement[:3, :3])
-                parts.append((str(name), (vertices @ linear.T, faces)))
-    if not parts:
-        raise FileFormatError(f"{path}: holds no triangles")
-    if not all(np.isfinite(vertices).all() for _, (vertices, _) in parts):
-        raise FileFormatError(f"{path}: vertices must be finite")
-    return parts
+            if len(getattr(scene.geometry[key], "faces", ())):
+                parts.append((str(name), scene.geometry[key], upright @ placement))
+        return parts
 
 
 _UPRIGHT: dict[str, Callable[[Node], Triangles | None]] = {

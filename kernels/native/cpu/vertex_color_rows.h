@@ -1,0 +1,18 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+
+#pragma once
+
+#include "cpu/color_rows.h"
+#include "shared/vertex_lighting.h"
+
+// Shade the rows that this worker takes by light at vertices; `call` and `out` are those of `shade_rows`.
+template <class Call, class Out>
+inline void shade_vertex_rows(const Call& call, Out& out) {
+    for_rows(call.job, [&](int view, int y) {
+        const SurfaceImages images = surface_images(call.points, call.segmentation, call.faces, &call.normals, view, y);
+        auto row = color_row(call.appearance, call.worlds, images, call.footprint, call.camera_to_world, out.color);
+        for (int x = 0; x < images.width; x += LANES)
+            vertex_lit_colors<PixelNumbers>(row, x, call.lights, call.shadows);
+    });
+}
