@@ -102,6 +102,7 @@ class Pair:
             width=size,
             outputs=("color", "depth") if color else ("depth",),
             shadows=shadows,
+            reflections=False,  # as MuJoCo Warp
             geom_groups=_GROUPS,
             mesh_tolerance=mesh_tolerance,
             device=placed.device,
