@@ -31,6 +31,7 @@ from warpvis.kernels.casting import packets_cuda
 from warpvis.kernels.casting.point_order import PointLists
 from warpvis.kernels.casting.rays import RayRange
 from warpvis.kernels.pinhole import PinholeCamera
+from warpvis.kernels.shading import shadow_packets_cuda
 from warpvis.rendering import Renderer
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.rendering.casters.points_cuda import list_points, packet_count
@@ -49,7 +50,9 @@ _UNCHECKED = ["-O2", "-DEMULATOR_ASAN"]
 MAX_PROGRAMS = 160
 """Maximum number of cached programs: about 40 variants of the current sources and of a few earlier versions."""
 
-_SHARED = "__shared__ warpvis::WarpMemory memory;"
+_SHARED = re.compile(r"__shared__ (warpvis::\w+) memory;")
+_RESULTS = ("images", "shadows_out")
+"""Arguments that a launch writes."""
 _ABSENT, _GIVEN, _IMAGE = range(3)
 
 
@@ -72,12 +75,14 @@ class Variant:
     """Number of rays in a packet if they are of image points or unordered, else 0."""
     origins: bool = False
     """Whether the rays of a bundle have distinct origins."""
+    shadows: bool = False
+    """Whether shadows are cast instead of images."""
     arch: int = 900
 
     @property
     def name(self) -> str:
         kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
-        kind += (self.origins,)
+        kind += (self.origins, self.shadows)
         flags = "_".join(str(int(flag)) for flag in (*kind, self.points))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
@@ -110,7 +115,7 @@ class Emulator:
         images: list[np.ndarray] = []
         parts = [struct.pack("3i", *size)]
         for name, kind in types.items():
-            _write(parts, images, kind, arguments[name], is_image=name == "images")
+            _write(parts, images, kind, arguments[name], is_image=name in _RESULTS)
         result = subprocess.run([program], input=b"".join(parts), capture_output=True, env=self._environment)
         if result.returncode:
             raise AssertionError(result.stderr.decode()[-4000:])
@@ -338,7 +343,10 @@ def _native_code(variant: Variant) -> tuple[wp.Function, str, str]:
     cached = packets_cuda.CACHED_NUMBERS
     packets_cuda.CACHED_NUMBERS = 0 if variant.large else cached
     try:
-        if variant.ray_table:
+        if variant.shadows:
+            function = shadow_packets_cuda.cast_block
+            kernel = shadow_packets_cuda.make_shadow_kernel(variant.resized)
+        elif variant.ray_table:
             function = packets_cuda.cast_function(packets_cuda.BUNDLE, RayRange, packets_cuda.RayPackets)
             kernel = packets_cuda.make_ray_packet_kernel(
                 variant.side, *kind, variant.resized, variant.points, variant.origins
@@ -366,8 +374,8 @@ def _is_struct(kind: Any) -> bool:
 
 def _cpp_type(kind: Any) -> str:
     if _is_array(kind):
-        return f"Array<{_ELEMENTS[kind.dtype]}>"
-    return kind.key.split(".")[-1] if _is_struct(kind) else _SCALARS[kind]
+        return f"Array<{_cpp_type(kind.dtype)}>"
+    return kind.key.split(".")[-1] if _is_struct(kind) else _ELEMENTS[kind]
 
 
 def _fields(kind: Any) -> dict[str, Any]:
@@ -382,7 +390,10 @@ def _struct(name: str, fields: dict[str, Any]) -> str:
 
 
 def _launch_header(arguments: dict[str, Any]) -> str:
-    structs = {_cpp_type(kind): _fields(kind) for kind in arguments.values() if _is_struct(kind)}
+    structs: dict[str, dict[str, Any]] = {}
+    for argument in filter(_is_struct, arguments.values()):
+        elements = [kind.dtype for kind in _fields(argument).values() if _is_array(kind) and _is_struct(kind.dtype)]
+        structs |= {_cpp_type(kind): _fields(kind) for kind in (*elements, argument)}
     text = ['#pragma once\n#include "cuda_emulator.h"\n#include "cuda_reader.h"\n']
     text += [_struct(name, fields) for name, fields in structs.items()]
     text.append(_struct("Arguments", arguments))
@@ -394,9 +405,8 @@ def _variant_source(variant: Variant, function: Any, body: str, headers: str) ->
     # The body for pixels does not use `rays`, those for points and ray bundles not `packet_x`.
     parameters = ", ".join(f"[[maybe_unused]] {_cpp_type(kind)} {name}" for name, kind in function.input_types.items())
     given = ", ".join(_PLACE.get(name, f"all.{name}") for name in function.input_types)
-    assert body.count(_SHARED) == 1
-    borrowed = "auto& memory = *(warpvis::WarpMemory*)emulator::shared_memory(sizeof(warpvis::WarpMemory));"
-    body = body.replace(_SHARED, borrowed)
+    body, count = _SHARED.subn(r"auto& memory = *(\1*)emulator::shared_memory(sizeof(\1));", body)
+    assert count == 1
     return (
         f'#define __CUDA_ARCH__ {variant.arch}\n#include "cuda_launch.h"\n{headers}#line 1 "{variant.name}.cpp"\n'
         f"static void cast_packet({parameters}) {{\n{body}}}\n"

@@ -138,6 +138,7 @@ from reference_shadows import (  # noqa: F401
     cast_occlusion_packets,
     cast_occlusion_rays,
     cast_shadow_packets,
+    cast_shadow_packets_cuda,
     cast_shadow_rays,
     cast_soft_shadow_packets,
     cast_soft_shadow_rays,

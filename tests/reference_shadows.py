@@ -130,6 +130,9 @@ def cast_shadow_packets(lights, references, cameras, views):
     return cast_shadow_rays(lights, references, cameras, views)
 
 
+cast_shadow_packets_cuda = cast_shadow_packets
+
+
 def pixel_class(y, x):
     """Return the class of a pixel, by which points of lights are chosen."""
     return 4 * (y % 4) + x % 4

@@ -256,7 +256,7 @@ def show_last(
             faces_out[view, y, x] = shown[1]
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=64)  # most threads need none of what would take more
 def show_later(
     # Scene:
     coinciding: Coinciding,

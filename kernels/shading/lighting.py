@@ -82,7 +82,7 @@ def shade_lit_color_row(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=80)  # three blocks of 256 threads on a multiprocessor
 def shade_lit_colors(
     # Scene:
     appearance: DeviceMaterials,

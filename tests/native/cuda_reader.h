@@ -21,6 +21,8 @@ struct Vec2 {
 };
 struct Vec3 {
     float value[3];
+
+    float operator[](int k) const { return value[k]; }
 };
 struct Vec4 {
     float value[4];

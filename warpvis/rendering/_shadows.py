@@ -5,10 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import warp as wp
 
+from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import SceneError
 from warpvis.rendering._computed import Frame
@@ -18,6 +20,9 @@ from warpvis.scene.lights import AmbientOcclusion, Light
 
 _MIN_PIXELS = 1024
 """Minimum number of pixels that a thread takes."""
+
+_MAX_OBJECTS = 1024
+"""Maximum number of objects with frames of their own that warps test, all of them; rays find them by a tree."""
 
 
 def count_shadows(lights: Sequence[Light]) -> int:
@@ -43,8 +48,9 @@ def cast_shadows(frame: Frame, caster: str, scratch: Scratch) -> wp.array | None
         from warpvis.kernels.shading.shadow_packets import PACKET_ROWS, cast_shadow_packets
         from warpvis.kernels.shading.shadow_rays import cast_shadow_rays
 
-        kernels = cast_shadow_packets, cast_shadow_rays
-        _launch(kernels, PACKET_ROWS, frame, caster, [], shadows)
+        if not _cast_by_warps(frame, caster, shadows):
+            kernels = cast_shadow_packets, cast_shadow_rays
+            _launch(kernels, PACKET_ROWS, frame, caster, [], shadows)
     if any(radii):
         from warpvis.kernels.shading.soft_shadow_packets import SOFT_ROWS, cast_soft_shadow_packets
         from warpvis.kernels.shading.soft_shadow_rays import cast_soft_shadow_rays
@@ -52,6 +58,31 @@ def cast_shadows(frame: Frame, caster: str, scratch: Scratch) -> wp.array | None
         kernels = cast_soft_shadow_packets, cast_soft_shadow_rays
         _launch(kernels, SOFT_ROWS, frame, caster, [], shadows)
     return shadows
+
+
+def _cast_by_warps(frame: Frame, caster: str, out: wp.array) -> bool:
+    """Cast hard shadows by packets on CUDA; return whether this was possible."""
+    scene, device = frame.scene, frame.scene.device
+    if caster != "packets" or device.is_cpu or scene.bvh().struct.drawn_count > _MAX_OBJECTS:
+        return False
+    from warpvis.kernels.casting.packets_cuda import FoundObjects
+    from warpvis.kernels.constants import CUDA_LANES
+    from warpvis.kernels.shading.shadow_packets_cuda import BLOCK_HEIGHT, BLOCK_WIDTH
+
+    images = [frame.images[name] for name in ("points", "segmentation", "normals")]
+    geometry, (views, height, width) = scene.bvh().struct, images[0].shape
+    resized = geometry.drawn_count > 0 and frame.worlds.object_sizes is not None
+    size = (-(-height // BLOCK_HEIGHT), views, -(-width // BLOCK_WIDTH), CUDA_LANES)
+    inputs = [geometry, frame.lights(), frame.poses, frame.worlds, FoundObjects(), *images, out]
+    launch(_kernel(resized), size, inputs, device, block_dim=CUDA_LANES)
+    return True
+
+
+@cache
+def _kernel(resized: bool) -> wp.Kernel:
+    from warpvis.kernels.shading.shadow_packets_cuda import make_shadow_kernel
+
+    return make_shadow_kernel(resized)
 
 
 def check_occlusion(occlusion: object) -> AmbientOcclusion | None:

@@ -90,25 +90,25 @@ struct Blocker {
     // Block points by the triangles of a tree. `owners` are null if no triangle is excluded.
     inline void tree(ShadowPacket& packet, int root, const int* owners) const {
         Children children = Children::of(scene.bvh, root, packet.center);
-        if (!Lanes::any(children.meet(Shaft::of(packet)))) return;
+        if (!Lanes::any(children.meet(packet.shaft()))) return;
         for (int b = 0; b < ShadowPacket::BLOCKS; ++b)
             if (packet.active[b] != 0) block(packet, b, root, owners);
     }
 
     // Boxes of the children of a node, relative to a center.
     struct Children {
-        Points low, high;
-        Ints used;
+        Floats low[3], high[3];
 
         static inline Children of(const Bvh& bvh, int index, const double* center) {
             const float* node = bvh.node(index);
-            const Floats low_x = row(node, NODE_LOW_ROW), high_x = row(node, NODE_HIGH_ROW);
-            const float x = (float)center[0], y = (float)center[1], z = (float)center[2];
-            return Children{{low_x - x, row(node, NODE_LOW_ROW + 1) - y, row(node, NODE_LOW_ROW + 2) - z},
-                            {high_x - x, row(node, NODE_HIGH_ROW + 1) - y, row(node, NODE_HIGH_ROW + 2) - z},
-                            low_x <= high_x};
+            Children children;
+            for (int k = 0; k < 3; ++k) {
+                children.low[k] = row(node, NODE_LOW_ROW + k) - (float)center[k];
+                children.high[k] = row(node, NODE_HIGH_ROW + k) - (float)center[k];
+            }
+            return children;
         }
-        inline Ints meet(const Shaft& shaft) const { return used & shaft.meets(low, high); }
+        inline Ints meet(const Shaft& shaft) const { return shaft.meets(low, high); }
     };
     static inline Floats row(const float* rows, int index) { return Lanes::load(rows + index * LANES); }
 
@@ -129,8 +129,8 @@ struct Blocker {
             }
             const Children boxes = Children::of(bvh, visit.child, packet.center);
             float low[3][LANES], high[3][LANES];
-            __builtin_memcpy(low, &boxes.low, sizeof low);
-            __builtin_memcpy(high, &boxes.high, sizeof high);
+            __builtin_memcpy(low, boxes.low, sizeof low);
+            __builtin_memcpy(high, boxes.high, sizeof high);
             const int* children = bvh.children_of(visit.child);
             for (const int k : Lanes::each(boxes.meet(shaft))) {
                 const unsigned entering = packet.active[b] & rays.enter(low, high, k);
@@ -144,13 +144,13 @@ struct Blocker {
                      const int* owners) const {
         typedef ShadowVolume<Doubles> Volume;
         const float* rows = scene.bvh.leaf(index);
-        const float center[3] = {(float)packet.center[0], (float)packet.center[1], (float)packet.center[2]};
-        Points low = Points::all(NOWHERE), high = Points::all(-NOWHERE);
-        for (int c = 0; c < 3; ++c) {
-            const Points corner = {row(rows, 3 * c) - center[0], row(rows, 3 * c + 1) - center[1],
-                                   row(rows, 3 * c + 2) - center[2]};
-            low = Points{Lanes::min(low.x, corner.x), Lanes::min(low.y, corner.y), Lanes::min(low.z, corner.z)};
-            high = Points{Lanes::max(high.x, corner.x), Lanes::max(high.y, corner.y), Lanes::max(high.z, corner.z)};
+        Floats low[3], high[3];
+        for (int k = 0; k < 3; ++k) {
+            low[k] = Lanes::all(NOWHERE), high[k] = Lanes::all(-NOWHERE);
+            for (int c = 0; c < 3; ++c) {
+                const Floats corner = row(rows, 3 * c + k) - (float)packet.center[k];
+                low[k] = Lanes::min(low[k], corner), high[k] = Lanes::max(high[k], corner);
+            }
         }
         unsigned found = Lanes::bits(shaft.meets(low, high));
         for (const int k : Lanes::each(owners ? found : 0u))
@@ -196,12 +196,12 @@ struct Blocker {
 
     // Block points by objects with their own frames whose boxes the shaft meets.
     inline void objects(ShadowPacket& packet, const ObjectBoxes& boxes) const {
-        const Shaft shaft = Shaft::of(packet);
+        const Shaft shaft = packet.shaft();
         const float center[3] = {(float)packet.center[0], (float)packet.center[1], (float)packet.center[2]};
         for (int first = 0; first < boxes.count; first += LANES) {
             const Points &low = boxes.low[first / LANES], &high = boxes.high[first / LANES];
-            const Points from = {low.x - center[0], low.y - center[1], low.z - center[2]};
-            const Points to = {high.x - center[0], high.y - center[1], high.z - center[2]};
+            const Floats from[3] = {low.x - center[0], low.y - center[1], low.z - center[2]};
+            const Floats to[3] = {high.x - center[0], high.y - center[1], high.z - center[2]};
             const Ints filled = Lanes::index() < boxes.count - first;
             for (const int k : Lanes::each(filled & shaft.meets(from, to)))
                 if (object(packet, boxes.first + first + k)) return;
