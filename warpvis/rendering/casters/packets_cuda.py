@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import ctypes
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import warp as wp
@@ -119,6 +119,7 @@ def _kernel(side: int, with_id: bool, movable: bool, clip: bool, resized: bool) 
     return make_packet_kernel(side, with_id, movable, clip, resized)
 
 
+@lru_cache(maxsize=1024)
 def packet_side(
     views: int,
     width: int,
