@@ -189,7 +189,9 @@ def shade_pbr_colors(scene, camera, poses, views, shadows=None):
             normal = normal * np.sign(surface.plane @ -ray)
             unblocked = None if shadows is None else shadows[:, view, y, x] / 255
             at = points[view, y, x].astype(np.float64), normal, eye, axes[:, 2], unblocked
-            if surface.material.shading == "phong":
+            if surface.material.shading == "unlit":
+                shown = exact_base_color(look, item.faces, face, corners - eye, *where)
+            elif surface.material.shading == "phong":
                 shown = lit_color(scene.lights, surface.material, *at)
             else:
                 base = exact_base_color(look, item.faces, face, corners - eye, *where, space)

@@ -171,6 +171,8 @@ def light_sums(lights, material, point, normal, eye, forward, space, unblocked=N
         return converted(np.array([*color[:3], 1.0]), stored, space)[:3]
 
     base, shine = of(material.base_color, material.color_space), of(material.specular, material.color_space)
+    if material.shading == "unlit":
+        return base, 0.0
     total, passes = of(material.emission, material.color_space), 0.0
     to_eye = (eye - point) / np.linalg.norm(eye - point)
     for light in lights:

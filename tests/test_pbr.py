@@ -297,7 +297,7 @@ def test_worlds_replace_the_base_color(device):
 
 
 def test_invalid_shading_is_rejected():
-    with pytest.raises(SceneError, match='shading must be "phong", "pbr" or "webots", got'):
+    with pytest.raises(SceneError, match='shading must be "phong", "pbr", "webots" or "unlit", got'):
         Material(shading="toon")
     with pytest.raises(SceneError, match="ambient_strength of a material must be at least 0, got -1"):
         Material(ambient_strength=-1)

@@ -341,5 +341,5 @@ def test_materials_of_other_shadings_are_refused():
     scene = wv.Scene()
     scene.add(trimesh.creation.box(), name="box", appearance=Material("tin", shading="pbr"))
     scene.lights = (SPOT,)
-    with pytest.raises(wv.WarpvisError, match=r'lighting must be "pixel" for materials whose shading is not "phong"'):
+    with pytest.raises(wv.WarpvisError, match='lighting must be "pixel" for materials of the shadings "pbr"'):
         wv.render(scene, CAMERA, POSE, outputs=("color",), lighting="vertex")

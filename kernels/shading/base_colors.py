@@ -32,6 +32,7 @@ class DeviceMaterial:
     alpha_cutoff: float
     is_double_sided: bool
     blends_twice: bool
+    is_unlit: bool  # whether its color is its base color under any lights
 
 
 @wp.struct

@@ -20,13 +20,14 @@ from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io._gltf_data import GltfData, uri_bytes, uri_name
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.materials import Appearance, ColorSpace, Filter, Material, Texture, Wrap
+from warpvis.scene.materials import Appearance, ColorSpace, Filter, Material, Shading, Texture, Wrap
 
 Locate = Callable[[str], Path | bytes | None]
 """Finds a referenced image without reading it; returns its bytes if it is in an archive, None if it is missing."""
 
 TRANSFORM = "KHR_texture_transform"
 _OLD = "KHR_materials_pbrSpecularGlossiness"
+_UNLIT = "KHR_materials_unlit"
 _WRAPS: dict[Any, Wrap] = {10497: "repeat", 33648: "mirror", 33071: "clamp"}
 _FILTERS: dict[Any, Filter] = {9728: "nearest", 9729: "linear"}
 _COLORED = ("texture", "emissive_texture")
@@ -159,6 +160,8 @@ def _plain(entry: dict[str, Any]) -> Appearance:
 def _infos(entry: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the texture infos of a material, by the field of `Material`; that of the base color is first."""
     rough = entry.get("pbrMetallicRoughness") or {}
+    if _UNLIT in (entry.get("extensions") or {}):  # which ignores the other maps
+        return {} if _base(entry)[1] is None else {"texture": _base(entry)[1]}
     found = {"texture": _base(entry)[1], "metallic_roughness_texture": rough.get("metallicRoughnessTexture")}
     found |= {f"{name}_texture": entry.get(f"{name}Texture") for name in ("normal", "occlusion", "emissive")}
     return {name: info for name, info in found.items() if info is not None}
@@ -192,11 +195,18 @@ def _material(entry: dict[str, Any], **textures: Texture) -> Material:
         roughness=rough.get("roughnessFactor", 1.0),
         emission=tuple(np.multiply(strength, entry.get("emissiveFactor", (0, 0, 0))).tolist()),
         double_sided=entry.get("doubleSided", False),
-        shading="phong" if _OLD in extensions and "pbrMetallicRoughness" not in entry else "pbr",
+        shading=_shading(entry),
         normal_scale=(entry.get("normalTexture") or {}).get("scale", 1.0),
         occlusion_strength=(entry.get("occlusionTexture") or {}).get("strength", 1.0),
         **textures,  # type: ignore[arg-type]  # by the fields of `_infos`
     )
+
+
+def _shading(entry: dict[str, Any]) -> Shading:
+    extensions = entry.get("extensions") or {}
+    if _UNLIT in extensions:
+        return "unlit"
+    return "phong" if _OLD in extensions and "pbrMetallicRoughness" not in entry else "pbr"
 
 
 def _base(entry: dict[str, Any]) -> tuple[Any, dict[str, Any] | None]:

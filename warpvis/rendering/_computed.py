@@ -151,7 +151,7 @@ def compute_output(name: str, frame: Frame, out: wp.array, scratch: Scratch) -> 
     is_lit, footprint = name == "color" and bool(scene.lights), make_footprint(frame.camera)
     materials = frame.materials()
     if is_lit and frame.lighting == "vertex" and materials.pbr is not None:
-        raise ArrayError('lighting must be "pixel" for materials whose shading is not "phong", got "vertex"')
+        raise ArrayError('lighting must be "pixel" for materials of the shadings "pbr" and "webots", got "vertex"')
     if scene.device.is_cpu:
         _shade_rows(frame, materials, footprint, out, scratch, is_lit=is_lit)
     else:

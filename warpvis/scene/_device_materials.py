@@ -294,6 +294,7 @@ class MaterialTables:
                 get_args(AlphaMode).index(material.alpha_mode),
                 material.alpha_cutoff,
             )
+            record.is_unlit = material.shading == "unlit"
             record.is_double_sided, record.blends_twice = material.double_sided, material.blends_twice
             self._is_layered |= material.alpha_mode != "opaque"
             record.repeat, record.scale = wp.vec2(*material.texture_repeat), wp.vec3(*scale)
@@ -307,7 +308,8 @@ class MaterialTables:
         from warpvis.kernels.shading.base_colors import PbrMaterial
 
         record, maps = PbrMaterial(), maps_of(material)
-        record.shading, record.tone_mapped = get_args(Shading).index(material.shading), material.tone_mapped
+        if material.shading != "unlit":  # which `DeviceMaterial` has
+            record.shading, record.tone_mapped = get_args(Shading).index(material.shading), material.tone_mapped
         for name in ("metallic", "roughness", "ambient_strength", "normal_scale", "occlusion_strength"):
             setattr(record, name, getattr(material, name))
         textures = []
@@ -363,7 +365,7 @@ def _mean_texture(material: Material, texture: Texture) -> Texture:
 
 def maps_of(material: Material) -> dict[MaterialMap, Texture]:
     """Return the textures that shading uses apart from that of the base color."""
-    if material.shading == "phong":
+    if material.shading in ("phong", "unlit"):
         return {}
     return {name: texture for name in _MAPS if (texture := getattr(material, name)) is not None}
 

@@ -40,10 +40,11 @@ origin, in six images of a cube map, one below the other, as in OpenGL and `ligh
 MaterialMap = Literal["metallic_roughness_texture", "normal_texture", "occlusion_texture", "emissive_texture"]
 """A texture of a `Material` apart from that of its base color."""
 
-Shading = Literal["phong", "pbr", "webots"]
+Shading = Literal["phong", "pbr", "webots", "unlit"]
 """How a material reflects light: ``"phong"``, by its base color, with Blinn-Phong highlights (`specular`, `shininess`);
-``"pbr"``, by its base color, `metallic` and `roughness`, and all of its maps (appendix B of glTF 2.0); or ``"webots"``,
-as ``"pbr"`` in the variant of Webots' PBRAppearance."""
+``"pbr"``, by its base color, `metallic` and `roughness`, and all of its maps (appendix B of glTF 2.0); ``"webots"``, as
+``"pbr"`` in the variant of Webots' PBRAppearance; or ``"unlit"``, not at all: it shows its base color under any lights,
+without shadows, highlights and emission."""
 
 ColorSpace = Literal["srgb", "linear"]
 """Whether colors are in sRGB, as on screens and in image files, or linear, proportional to light."""

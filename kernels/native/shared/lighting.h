@@ -239,8 +239,9 @@ struct ColorRow {
     // The color of surfaces under all lights. The fixed-function pipeline lights the untextured surface, clamps the
     // result and multiplies it by the texture; each light with shadows is a separate pass, which is added and whose
     // ambient part is blocked, too (`mjr_render` in MuJoCo's render_gl3.c). In linear space, light is reflected by the
-    // textured surface. `places` are where light is computed, `unblocked` returns the fraction of a light that reaches
-    // the pixels, by the light's index of shadows, and `open` is that of ambient light.
+    // textured surface. Unlit surfaces show their base color. `places` are where light is computed, `unblocked` returns
+    // the fraction of a light that reaches the pixels, by the light's index of shadows, and `open` is that of ambient
+    // light.
     template <class Places, class Lights, class Unblocked>
     inline Vector lit(const Shown& shown, const Places& places, const Lights& lights, bool has_shadows, Real open,
                       const Unblocked& unblocked) const {
@@ -252,6 +253,10 @@ struct ColorRow {
         if (multiplies_first) base = in_space(is_textured ? base.times(texel) : base, material.is_linear, to_linear);
         const float dimming = lights.is_of_views ? lights.dimming : 1.0f;
         base = base * Numbers::real(dimming);
+        if (material.is_unlit) {
+            if (to_linear) return to_screen(base);
+            return is_textured && !multiplies_first ? base.times(texel) : base;
+        }
         float gloss[3], emission[3];
         for (int k = 0; k < 3; ++k) {
             gloss[k] = converted(material.specular[k], material.is_linear, to_linear);
