@@ -15,11 +15,12 @@ import argparse
 import importlib.util
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
+import gpu_newton_worlds
 import mujoco
 import numpy as np
 import warp as wp
@@ -184,7 +185,12 @@ def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Wo
 
     def prepare(camera: str, size: int, count: int, shadows: bool) -> Contest:
         placed = load(default_model(), count, str(device))
-        return Pair(placed, camera, size, color=True, shadows=shadows).contest()
+        contest = Pair(placed, camera, size, color=True, shadows=shadows).contest()
+        if importlib.util.find_spec("newton") is None:
+            return contest
+        newton = gpu_newton_worlds.renderer(default_model(), count, camera, size, device, shadows=shadows)
+        newton()
+        return replace(contest, peers={**contest.peers, "Newton": [newton]})
 
     for size, camera in ((64, "teleoperator_pov"), (64, "overhead_cam"), (128, "teleoperator_pov")):
         for shadows in (False, True):

@@ -54,8 +54,8 @@ class Sky:
 @wp.func_native(
     """
 const auto& sky = warpvis::sky_of(skies, world_sky, worlds, view);
+if (sky.is_absent) return;
 const auto images = warpvis::surface_images(points_in, segmentation_in, segmentation_in, &points_in, view, y);
-if (!warpvis::needs_sky(sky, images, x)) return;
 warpvis::sky_row(sky, camera, footprint, camera_to_world, rays_in, pixels_in, images, y)
     .paint(x, (unsigned char*)color_out.data);
 """

@@ -38,7 +38,7 @@ def shade_vertex_lit_color_row(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=96)  # more would leave room for fewer blocks on a multiprocessor
 def shade_vertex_lit_colors(
     # Scene:
     appearance: DeviceMaterials,

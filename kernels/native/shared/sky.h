@@ -226,12 +226,6 @@ struct SkyRow {
     }
 };
 
-// Whether a pixel of a row may show a sky or haze.
-template <class Sky>
-inline bool needs_sky(const Sky& sky, const SurfaceImages& images, int x) {
-    return !sky.is_absent && (sky.haze.radius > 0.0f || images.segmentation[images.first + x] == -1);
-}
-
 // The sky of the world of a view: the first one is that of the scene.
 template <class Skies, class Numbers, class Worlds>
 inline const auto& sky_of(const Skies& skies, const Numbers& world_sky, const Worlds& worlds, int view) {
