@@ -107,7 +107,7 @@ def meshes(root: Path) -> Iterator[Item]:
 
 
 def gltf(root: Path) -> Iterator[Item]:
-    from support.appearance_files import triangle
+    from support.appearance_files import KTX2, basis_textured, triangle
     from support.gltf_rest import FIRST, WHOLE, skinned
     from support.lights import lit_file
     from support.mesh_files import car, draco_file, meshopt_file
@@ -132,6 +132,8 @@ def gltf(root: Path) -> Iterator[Item]:
     ):
         yield "GLB", {"a.glb": data}, (), _see_file("a.glb")
     yield "GLB, Draco", {"a.glb": draco_file(_BALL)}, (), _see_file("a.glb")
+    for picture in KTX2.values():
+        yield "GLB, KTX2", {"a.glb": basis_textured(picture).bytes()}, (), _see_file("a.glb")
     # Not installed on every machine: it is often built from source.
     for mesh_filter in (None, "EXPONENTIAL") if find_spec("meshoptimizer") else ():
         yield "GLB, meshopt", {"a.glb": meshopt_file(filter=mesh_filter)}, (), _see_file("a.glb")

@@ -3,8 +3,10 @@
 """Appearance from files: glTF, OBJ with MTL, PLY, COLLADA, MuJoCo and Webots."""
 
 import gc
+import sys
 import tracemalloc
 import zipfile
+from importlib.util import find_spec
 
 import mujoco
 import numpy as np
@@ -14,8 +16,22 @@ from gltf_files import GltfWriter
 from PIL import Image
 
 import warpvis as wv
+from warpvis.scene.materials import Texture
 
-from support.appearance_files import FACES, IMAGE, MTL, OBJ, ROWS, UV, load, png, triangle
+from support.appearance_files import (
+    FACES,
+    IMAGE,
+    KTX2,
+    MTL,
+    OBJ,
+    QUARTERS,
+    ROWS,
+    UV,
+    basis_textured,
+    load,
+    png,
+    triangle,
+)
 
 
 def appearance(tmp_path, writer):
@@ -333,3 +349,36 @@ def test_webots_base_colors(tmp_path):
     with pytest.warns(UserWarning, match="used white for Unknown, whose file was not found"):
         assert scene["none"].appearance is None
     assert scene["bad"].appearance is None
+
+
+@pytest.mark.parametrize("mode", KTX2)
+def test_gltf_ktx2_texture(tmp_path, mode):
+    """ETC1S is lossy."""
+    pytest.importorskip("opengl_basisu")
+    texture = appearance(tmp_path, basis_textured(KTX2[mode])).materials[0].texture
+    image = texture.image
+    assert image.dtype == np.uint8 and image.shape == (8, 8, 3 if mode == "ETC1S" else 4)
+    assert np.abs(image[..., :3].astype(int) - QUARTERS.repeat(4, 0).repeat(4, 1)).max() <= (
+        3 if mode == "ETC1S" else 0
+    )
+    if mode == "UASTC":
+        np.testing.assert_array_equal(image[..., 3], np.repeat([255, 64], 4)[:, None].repeat(8, 1))
+    path = tmp_path / "a.ktx2"
+    path.write_bytes(KTX2[mode])
+    np.testing.assert_array_equal(Texture(path).image, image)
+
+
+def test_ktx2_that_cannot_be_decoded_is_white(tmp_path, monkeypatch):
+    cases = {
+        "truncated KTX 2 file: 40 bytes": KTX2["UASTC"][:40],
+        "vkFormat 37 holds no Basis": KTX2["UASTC"][:12] + (37).to_bytes(4, "little") + KTX2["UASTC"][16:],
+    }
+    if find_spec("opengl_basisu"):
+        for reason, data in cases.items():
+            with pytest.warns(UserWarning, match=f"bricks: cannot be read as an image .*{reason}"):
+                assert (Texture(data, "bricks").image == 255).all()
+    monkeypatch.setitem(sys.modules, "opengl_basisu", None)
+    found = appearance(tmp_path, basis_textured(KTX2["ETC1S"]))
+    wanted = r"bricks: cannot be read .*KTX2, and reading that needs opengl-basisu: pip install 'warpvis\[gltf\]'"
+    with pytest.warns(UserWarning, match=wanted):
+        assert found.materials[0].texture.image.shape == (1, 1, 3)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small mesh files with materials and textures, and a loader."""
 
+import base64
 import io
 import warnings
 
@@ -22,6 +23,29 @@ def png():
     return file.getvalue()
 
 
+# 8 x 8 pixels: red and green above blue and yellow. Written by Basis Universal 2.10 in both of its modes, UASTC with
+# Zstandard and an opacity of 64 in the lower half.
+QUARTERS = np.array([[[200, 40, 40], [40, 200, 40]], [[40, 40, 200], [220, 220, 40]]], dtype=np.uint8)
+KTX2 = {
+    name: base64.b64decode(text)
+    for name, text in {
+        "ETC1S": (
+            "q0tUWCAyMLsNChoKAAAAAAEAAAAIAAAACAAAAAAAAAAAAAAAAQAAAAEAAAABAAAAaAAAACwAAACUAAAAJAAAALgAAAAAAAAAkwAA"
+            "AAAAAABLAQAAAAAAAAIAAAAAAAAAAAAAAAAAAAAsAAAAAAAAAAIAKACjAQIAAwMAAAgAAAAAAAAAAAA/AAAAAAAAAAAA/////x8A"
+            "AABLVFh3cml0ZXIAQmFzaXMgVW5pdmVyc2FsIDIuMTAAAAQAAwAyAAAADQAAACwAAAAAAAAAAAAAAAAAAAACAAAAAAAAAAAAAAAg"
+            "QNwAAQAAQBC9EDp7AUwJAAAAAAAg2QEPwIQAAQAAAAByQA6AKQACAAAAIEgaYV7LCgQAAACoqqqqUlVVVQUAwUQAAAAAAADyX00A"
+            "mAAAAAAAAEAoASIECAAAAEDCFQHABAAAAAAAAAIIANQc"
+        ),
+        "UASTC": (
+            "q0tUWCAyMLsNChoKAAAAAAEAAAAIAAAACAAAAAAAAAAAAAAAAQAAAAEAAAACAAAAaAAAACwAAACUAAAAJAAAAAAAAAAAAAAAAAAA"
+            "AAAAAAC4AAAAAAAAADIAAAAAAAAAQAAAAAAAAAAsAAAAAAAAAAIAKACmAQIAAwMAABAAAAAAAAAAAAB/AwAAAAAAAAAA/////x8A"
+            "AABLVFh3cml0ZXIAQmFzaXMgVW5pdmVyc2FsIDIuMTAAACi1L/0gQE0BAOgXGQXlP8jGABcFGeU/MNkFGSgwJgOXmxsFKNq7AAQA"
+            "gHBAykxjCMAF"
+        ),
+    }.items()
+}
+
+
 def load(path, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -40,6 +64,15 @@ def triangle(info=None, **material):
     writer.content["samplers"] = [{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}, {}]
     writer.content["textures"] = [{"source": 0, "sampler": 0}, {"source": 1, "sampler": 1}]
     writer.content["materials"] = [{"name": "m", "pbrMetallicRoughness": rough, **material}]
+    return writer
+
+
+def basis_textured(picture):
+    """Return a textured triangle whose image is a KTX2 file, by the extension alone."""
+    writer = triangle({"index": 0}, alphaMode="BLEND")
+    writer.content["extensionsUsed"] = writer.content["extensionsRequired"] = ["KHR_texture_basisu"]
+    writer.content["images"][0] = {"bufferView": writer.view(picture), "mimeType": "image/ktx2", "name": "bricks"}
+    writer.content["textures"][0] = {"extensions": {"KHR_texture_basisu": {"source": 0}}, "sampler": 0}
     return writer
 
 

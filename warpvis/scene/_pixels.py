@@ -18,6 +18,8 @@ from warpvis.core.user_warnings import warn_user
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+_KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
+
 WHITE = np.full((1, 1, 3), 255, dtype=np.uint8)
 """Replaces an image that cannot be read: the material's base color is unchanged."""
 
@@ -33,8 +35,12 @@ def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8
             warnings.simplefilter("ignore")  # Pillow warns of large images that it still reads
             if not isinstance(source, bytes | Path):
                 return pixels(source)
-            with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
-                return pixels(image)
+            with io.BytesIO(source) if isinstance(source, bytes) else source.open("rb") as file:
+                if file.read(len(_KTX2)) == _KTX2:
+                    return _ktx2_pixels(_KTX2 + file.read())
+                file.seek(0)
+                with Image.open(file) as image:
+                    return pixels(image)
     except Exception as error:  # decoders may raise any exception
         reason = "no known format" if isinstance(error, UnidentifiedImageError) else describe_exception(error)
         reason = "no such file" if isinstance(error, FileNotFoundError | IsADirectoryError) else reason
@@ -43,6 +49,17 @@ def pixels_or_white(source: Image | Path | bytes, name: str) -> NDArray[np.uint8
             UserWarning,
         )
         return WHITE.copy()
+
+
+def _ktx2_pixels(source: bytes) -> NDArray[np.uint8]:
+    """Decode the first level of a Basis Universal texture, shape ``(H, W, 3)`` or ``(H, W, 4)``."""
+    try:
+        import opengl_basisu
+    except ImportError:
+        raise ValueError("it is KTX2, and reading that needs opengl-basisu: pip install 'warpvis[gltf]'") from None
+    texture = opengl_basisu.open(source)
+    texels = texture.transcode(opengl_basisu.Target.RGBA8).data.astype(np.uint8, copy=False)
+    return texels if texture.has_alpha else texels[..., :3].copy()
 
 
 def pixels(image: Image) -> NDArray[np.uint8]:
