@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
 
 import warp as wp
@@ -218,7 +219,12 @@ def _shade_rows(
 
 
 def make_footprint(camera: AnyCamera) -> Footprint:
-    """Return the size of a camera's pixels as the struct that kernels use."""
+    """Return the size of a camera's pixels as the struct that kernels use, cached: callers must not change it."""
+    return _make_footprint(camera.ray_model, *camera.pixel_size())
+
+
+@lru_cache(maxsize=64)
+def _make_footprint(ray_model: str, width: float, height: float) -> Footprint:
     from warpvis.kernels.shading import base_colors
 
     footprint = base_colors.Footprint()
@@ -226,8 +232,8 @@ def make_footprint(camera: AnyCamera) -> Footprint:
         "pinhole": base_colors.FOOTPRINT_PINHOLE,
         "parallel": base_colors.FOOTPRINT_PARALLEL,
         "table": base_colors.FOOTPRINT_CONE,
-    }[camera.ray_model]
-    footprint.size = wp.vec2(*camera.pixel_size())
+    }[ray_model]
+    footprint.size = wp.vec2(width, height)
     return footprint
 
 
