@@ -161,7 +161,8 @@ def _infos(entry: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the texture infos of a material, by the field of `Material`; that of the base color is first."""
     rough = entry.get("pbrMetallicRoughness") or {}
     if _UNLIT in (entry.get("extensions") or {}):  # which ignores the other maps
-        return {} if _base(entry)[1] is None else {"texture": _base(entry)[1]}
+        texture = _base(entry)[1]
+        return {} if texture is None else {"texture": texture}
     found = {"texture": _base(entry)[1], "metallic_roughness_texture": rough.get("metallicRoughnessTexture")}
     found |= {f"{name}_texture": entry.get(f"{name}Texture") for name in ("normal", "occlusion", "emissive")}
     return {name: info for name, info in found.items() if info is not None}
