@@ -74,8 +74,12 @@ def uniform_reflection(base, metallic, roughness, cosine, is_webots=False, count
 class MappedSurface:
     """A point of a mesh: the values of the maps of its material there."""
 
-    def __init__(self, item, face, eye, ray, steps, corners):
-        """Sample the maps where a ray hits a triangle, whose corners are in the world."""
+    def __init__(self, item, face, eye, ray, steps, corners, tangents=None):
+        """Sample the maps where a ray hits a triangle, whose corners are in the world.
+
+        `tangents` are those of its corners, instead of the triangle's own.
+        """
+        self.tangents = tangents
         look = item.appearance
         number = 0 if look.face_materials is None else look.face_materials[face]
         self.material = look.materials[number]
@@ -106,7 +110,8 @@ class MappedSurface:
         uv, edges = self.uv["normal_texture"], self.corners[1:] - self.corners[0]
         along_u, along_v = np.linalg.solve((uv[1:] - uv[0]), edges)
         normal = normal * side
-        tangent = unit(along_u - normal * (normal @ along_u))
+        tangent = along_u if self.tangents is None else self.share @ self.tangents
+        tangent = unit(tangent - normal * (normal @ tangent))
         bitangent = np.cross(normal, tangent)
         bitangent *= np.sign(np.cross(along_u, along_v) @ self.plane)
         scale = self.material.normal_scale
@@ -165,10 +170,11 @@ def tone_mapped(light):
     return (1 - np.exp(-light)) ** (1 / 2.2)
 
 
-def shade_pbr_colors(scene, camera, poses, views, shadows=None):
+def shade_pbr_colors(scene, camera, poses, views, shadows=None, tangents=None):
     """Return the expected colors of pixels of static objects with appearances, (V, H, W, 3).
 
-    `shadows` are images of the lights with shadows, 255 where they shine, (light, V, H, W).
+    `shadows` are images of the lights with shadows, 255 where they shine, (light, V, H, W); `tangents` those of the
+    vertices of every object, (n, 3).
     """
     space = "linear" if any(light.color_space == "linear" for light in scene.lights) else "srgb"
     seg, faces, points = (getattr(views, key).numpy() for key in ("segmentation", "faces", "points"))
@@ -181,7 +187,8 @@ def shade_pbr_colors(scene, camera, poses, views, shadows=None):
             corners = item.vertices[item.faces[face]].astype(np.float64)
             ray = axes @ [(x + 0.5 - camera.cx) / camera.fx, (y + 0.5 - camera.cy) / camera.fy, 1.0]
             where = ray, offsets @ axes.T
-            surface = MappedSurface(item, face, eye, *where, corners)
+            of_corners = None if tangents is None else tangents[item.faces[face]]
+            surface = MappedSurface(item, face, eye, *where, corners, of_corners)
             look = item.appearance
             normal = surface.plane
             if look.normals is not None:

@@ -211,6 +211,32 @@ def test_normal_maps_follow_texture_coordinates(kind, device):
     assert np.abs(to_screen(found) - to_screen(bare)).max() * 255 > 10
 
 
+@pytest.mark.parametrize(("columns", "limits"), [(24, (0.7, 16)), (96, (0.2, 6))])
+def test_tangents_of_triangles_are_near_those_of_vertices(columns, limits, device):
+    """On a globe, whose tangents of vertices are exact: mean and largest difference of colors."""
+    lon, lat = np.meshgrid(np.linspace(0, 2 * np.pi, columns + 1), np.linspace(-1.5, 1.5, columns // 2 + 1))
+    vertices = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1).reshape(-1, 3)
+    tangents = np.stack([-np.sin(lon), np.cos(lon), 0 * lon], axis=-1).reshape(-1, 3)
+    first = np.arange(len(vertices)).reshape(lon.shape)[:-1, :-1].reshape(-1, 1)
+    faces = np.concatenate([first + [0, 1, columns + 2], first + [0, columns + 2, columns + 1]])
+    phase = np.arange(64) / 64 * 2 * np.pi
+    tilts = np.stack([*np.meshgrid(0.5 * np.sin(2 * phase), 0.5 * np.sin(2 * phase)), np.ones((64, 64))], axis=-1)
+    tilts = (tilts / np.linalg.norm(tilts, axis=-1, keepdims=True) + 1) / 2
+    bumps = Texture(np.round(255 * tilts).astype(np.uint8), color_space="linear")
+    uv = np.stack([4 * lon / (2 * np.pi), 2 * lat / np.pi], axis=-1).reshape(-1, 2)
+    look = Appearance((replace(GOLD, metallic=0.0, normal_texture=bumps),), uv=uv, normals=vertices)
+    scene = wv.Scene(device=device)
+    scene.add((vertices, faces), name="globe", appearance=look)
+    scene.lights = (SUN,)
+    pose = wv.look_at((2.4, -1.2, 0.5), (0, 0, 0))
+    camera = wv.Camera.from_fov(40, 30, hfov=0.9)
+    views = render(scene, camera, pose, shadows=False)
+    found, is_seen = views.color.numpy().astype(float), views.segmentation.numpy() == 0
+    assert np.abs(found - reference_pbr.shade_pbr_colors(scene, camera, pose, views)).max() <= 1
+    errors = np.abs(found - np.round(reference_pbr.shade_pbr_colors(scene, camera, pose, views, tangents=tangents)))
+    assert 0 < errors[is_seen].mean() < limits[0] and errors.max() <= limits[1]
+
+
 def gray(value, space="linear"):
     return Texture(np.full((2, 2, 3), value, dtype=np.uint8), color_space=space)
 
