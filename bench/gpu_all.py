@@ -54,8 +54,8 @@ def workloads(device: wp.Device, views: int | None = None) -> Iterator[Workload]
     yield from lidar_worlds.workloads(device, views)
     yield from gpu_trees.workloads(device)
     yield from gpu_cases.fine_workloads(device, views)
-    yield from gpu_worlds.color_workloads(device, views)
     yield from gpu_cases.peer_workloads(device, views)
+    yield from gpu_worlds.color_workloads(device, views)  # last, as Newton needs more than a minute to build its worlds
 
 
 def table_path(card: str) -> Path:
