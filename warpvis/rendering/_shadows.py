@@ -22,7 +22,7 @@ _MIN_PIXELS = 1024
 """Minimum number of pixels that a thread takes."""
 
 _MAX_OBJECTS = 1024
-"""Maximum number of objects with frames of their own that warps test, all of them; rays find them by a tree."""
+"""Maximum number of objects with separate frames for warps, which test all of them; rays find them by a tree."""
 
 
 def count_shadows(lights: Sequence[Light]) -> int:

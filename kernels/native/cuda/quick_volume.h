@@ -9,7 +9,7 @@
 // of a, b and L are rounded once, so that a - L is wrong by at most 3 u G with G = |L| + |a| + |a - b|, where |x| is
 // the sum of magnitudes; an edge is the rounded difference of two given corners. So each component of n is at most
 // G |e|, and wrong by 6 u G |e|. The point minus a is wrong by 2 u D, where D bounds |p| + |a| + |a - b|. Their
-// product, n.(p - a), is wrong by at most 11 u G |e| D. The plane of the triangle has an edge in place of G, which is
+// product, n.(p - a), is wrong by at most 11 u G |e| D. The plane of the triangle has an edge instead of G, which is
 // wrong by less.
 
 #pragma once
