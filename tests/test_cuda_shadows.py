@@ -16,7 +16,7 @@ from warpvis.scene.acceleration import traversal_plan
 from warpvis.scene.acceleration.geometry import build_scene_bvh
 from warpvis.scene.lights import Light
 
-from support.shadows import LIGHTS, POSES, check, table
+from support.shadows import LIGHTS, POSES, check, table, worlds_of
 
 pytestmark = pytest.mark.cxx
 CAMERA = wv.Camera.from_fov(29, 22, hfov=0.9)  # the last blocks are incomplete
@@ -63,16 +63,8 @@ def test_meshes_and_solids():
 
 
 def test_worlds_and_exclusions():
-    scene, rng = table("cpu"), np.random.default_rng(1)
-    poses = np.stack([scene.objects[index].pose for index in scene.movable]).astype(np.float32)
-    worlds = np.stack([poses, poses])
-    worlds[1, :, :2] += rng.uniform(-0.5, 0.5, (len(poses), 2))
-    flags = np.zeros((2, len(scene)), dtype=np.uint8)
-    flags[0, 1], flags[1, [2, 4]] = 1, 1
-    references = [
-        reference_shadows.ShadowReference(scene, poses=world, excluded=set(np.flatnonzero(flag)))
-        for world, flag in zip(worlds, flags, strict=True)
-    ]
+    scene = table("cpu")
+    worlds, flags, references = worlds_of(scene)
     check(scene, POSES, references, CAMERA, object_poses=worlds, exclude=flags)
 
 

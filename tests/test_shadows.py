@@ -16,7 +16,7 @@ from warpvis.scene.lights import Light
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import sphere
 
-from support.shadows import CAMERA, LIGHTS, MATERIAL, OUTPUTS, POSES, assert_shadows, check, shine, table
+from support.shadows import CAMERA, LIGHTS, MATERIAL, OUTPUTS, POSES, assert_shadows, check, shine, table, worlds_of
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
@@ -41,16 +41,8 @@ def test_shadows_match_double_precision(caster, device):
 @pytest.mark.smoke("*-packets")
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 def test_worlds_and_exclusions_cast_their_own_shadows(caster, device):
-    scene, rng = table(device), np.random.default_rng(1)
-    poses = np.stack([scene.objects[index].pose for index in scene.movable]).astype(np.float32)
-    worlds = np.stack([poses, poses])
-    worlds[1, :, :2] += rng.uniform(-0.5, 0.5, (len(poses), 2))
-    flags = np.zeros((2, len(scene)), dtype=np.uint8)
-    flags[0, 1], flags[1, [2, 4]] = 1, 1
-    references = [
-        reference_shadows.ShadowReference(scene, poses=world, excluded=set(np.flatnonzero(flag)))
-        for world, flag in zip(worlds, flags, strict=True)
-    ]
+    scene = table(device)
+    worlds, flags, references = worlds_of(scene)
     expected = check(scene, POSES, references, caster=caster, object_poses=worlds, exclude=flags)
     everything = [reference_shadows.ShadowReference(scene, poses=world) for world in worlds]
     views = wv.render(scene, CAMERA, POSES, outputs=OUTPUTS, object_poses=worlds, exclude=flags)

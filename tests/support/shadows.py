@@ -48,6 +48,21 @@ def table(device):
     return scene
 
 
+def worlds_of(scene):
+    """Return poses of movable objects in two worlds, flags of the objects that each excludes, and their references."""
+    rng = np.random.default_rng(1)
+    poses = np.stack([scene.objects[index].pose for index in scene.movable]).astype(np.float32)
+    worlds = np.stack([poses, poses])
+    worlds[1, :, :2] += rng.uniform(-0.5, 0.5, (len(poses), 2))
+    flags = np.zeros((2, len(scene)), dtype=np.uint8)
+    flags[0, 1], flags[1, [2, 4]] = 1, 1
+    references = [
+        reference_shadows.ShadowReference(scene, poses=world, excluded=set(np.flatnonzero(flag)))
+        for world, flag in zip(worlds, flags, strict=True)
+    ]
+    return worlds, flags, references
+
+
 def shine(renderer, poses, **worlds):
     """Return the images of a scene's lights with shadows, (light, view, y, x) uint8, and the views."""
     found = {}
