@@ -155,7 +155,7 @@ def lit_color(lights, material, point, normal, eye, forward, unblocked=None, ope
     """Return the color of a surface point of an untextured material under all lights, sRGB from 0 to 1.
 
     `unblocked` are the fractions of lights with shadows that reach the point; None without shadows. In display color
-    space, these lights are passes of their own, each of which is clamped and blocked as a whole.
+    space, each of these lights is a separate pass, which is clamped and blocked as a whole.
     """
     space = "linear" if any(light.color_space == "linear" for light in lights) else "srgb"
     total, passes = light_sums(lights, material, point, normal, eye, forward, space, unblocked, open_fraction)

@@ -16,7 +16,7 @@ from warpvis.scene.acceleration import traversal_plan
 from warpvis.scene.acceleration.geometry import build_scene_bvh
 from warpvis.scene.lights import Light
 
-from support.shadows import LIGHTS, POSES, check, table, worlds_of
+from support.shadows import LIGHTS, POSES, check, table, under_ceiling, worlds_of
 
 pytestmark = pytest.mark.cxx
 CAMERA = wv.Camera.from_fov(29, 22, hfov=0.9)  # the last blocks are incomplete
@@ -94,13 +94,7 @@ def test_fine_meshes_and_instances(monkeypatch):
 
 def test_triangles_meet_exactly_between_points_and_lights():
     """Single precision does not suffice for any point: no light passes between the triangles."""
-    x, y = np.meshgrid(*[np.arange(-8, 9, dtype=np.float64) / 4] * 2)
-    vertices = np.stack([x.ravel(), y.ravel(), np.full(x.size, 1.0)], axis=1)
-    corner = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
-    faces = np.stack([corner, corner + 1, corner + 18, corner, corner + 18, corner + 17], axis=1).reshape(-1, 3)
-    scene = wv.Scene(device="cpu")
-    scene.add(trimesh.Trimesh(vertices, faces, process=False), name="ceiling")
-    scene.add(trimesh.creation.box((3.0, 3.0, 0.5)), name="floor", pose=(0, 0, -0.25, 0, 0, 0, 1))
+    scene = under_ceiling("cpu")
     scene.lights = (Light("directional", direction=(0, 0, -1)), Light("point", position=(0.5, 0.25, 2.0)))
     camera = wv.Camera(24, 24, 8.0, 8.0, 12.5, 12.5)  # sees points with coordinates that are multiples of 1/8
     pose = np.array([[0, 0, 0.75, 1, 0, 0, 0]])

@@ -16,7 +16,19 @@ from warpvis.scene.lights import Light
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import sphere
 
-from support.shadows import CAMERA, LIGHTS, MATERIAL, OUTPUTS, POSES, assert_shadows, check, shine, table, worlds_of
+from support.shadows import (
+    CAMERA,
+    LIGHTS,
+    MATERIAL,
+    OUTPUTS,
+    POSES,
+    assert_shadows,
+    check,
+    shine,
+    table,
+    under_ceiling,
+    worlds_of,
+)
 
 
 @pytest.mark.parametrize("caster", ["packets", "rays"])
@@ -110,14 +122,7 @@ def test_scales_and_distant_origins(scale, offset, device):
 
 def test_no_light_passes_between_triangles(device):
     """A plane of triangles with exact coordinates, whose corners and edges are exactly between points and lights."""
-    lines = np.arange(-8, 9, dtype=np.float64) / 4
-    x, y = np.meshgrid(lines, lines)
-    vertices = np.stack([x.ravel(), y.ravel(), np.full(x.size, 1.0)], axis=1)
-    corner = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
-    faces = np.stack([corner, corner + 1, corner + 18, corner, corner + 18, corner + 17], axis=1).reshape(-1, 3)
-    scene = wv.Scene(device=device)
-    scene.add(trimesh.Trimesh(vertices, faces, process=False), name="ceiling")
-    scene.add(trimesh.creation.box((3.0, 3.0, 0.5)), name="floor", pose=(0, 0, -0.25, 0, 0, 0, 1))
+    scene = under_ceiling(device)
     # Pixels see points with coordinates that are multiples of 1/16.
     camera = wv.Camera(48, 48, 16.0, 16.0, 24.5, 24.5)
     pose = np.array([[0, 0, 0.75, 1, 0, 0, 0]])

@@ -40,7 +40,7 @@ def cast_block(
 
 
 def make_shadow_kernel(resized: bool) -> wp.Kernel:
-    """Make the kernel, for worlds whose movable objects have sizes of their own or not; see `make_packet_kernel`."""
+    """Make the kernel, for worlds that give the sizes of movable objects or not; see `make_packet_kernel`."""
     options = native_options("cuda/shadows.h", 8, True, True, resized)
 
     @wp.kernel(

@@ -48,6 +48,19 @@ def table(device):
     return scene
 
 
+def under_ceiling(device):
+    """Return a floor, and a plane of triangles above it whose corners are multiples of 1/4."""
+    lines = np.arange(-8, 9, dtype=np.float64) / 4
+    x, y = np.meshgrid(lines, lines)
+    vertices = np.stack([x.ravel(), y.ravel(), np.full(x.size, 1.0)], axis=1)
+    corner = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
+    faces = np.stack([corner, corner + 1, corner + 18, corner, corner + 18, corner + 17], axis=1).reshape(-1, 3)
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.Trimesh(vertices, faces, process=False), name="ceiling")
+    scene.add(trimesh.creation.box((3.0, 3.0, 0.5)), name="floor", pose=(0, 0, -0.25, 0, 0, 0, 1))
+    return scene
+
+
 def worlds_of(scene):
     """Return poses of movable objects in two worlds, flags of the objects that each excludes, and their references."""
     rng = np.random.default_rng(1)

@@ -18,6 +18,9 @@ from warpvis.rendering.casters.base import Scratch
 from warpvis.scene.light_samples import direction_samples
 from warpvis.scene.lights import AmbientOcclusion, Light
 
+_IMAGES = "points", "segmentation", "normals"
+"""Images that kernels read, in the order of their arguments."""
+
 _MIN_PIXELS = 1024
 """Minimum number of pixels that a thread takes."""
 
@@ -63,14 +66,17 @@ def cast_shadows(frame: Frame, caster: str, scratch: Scratch) -> wp.array | None
 def _cast_by_warps(frame: Frame, caster: str, out: wp.array) -> bool:
     """Cast hard shadows by packets on CUDA; return whether this was possible."""
     scene, device = frame.scene, frame.scene.device
-    if caster != "packets" or device.is_cpu or scene.bvh().struct.drawn_count > _MAX_OBJECTS:
+    if caster != "packets" or device.is_cpu:
+        return False
+    geometry = scene.bvh().struct
+    if geometry.drawn_count > _MAX_OBJECTS:
         return False
     from warpvis.kernels.casting.packets_cuda import FoundObjects
     from warpvis.kernels.constants import CUDA_LANES
     from warpvis.kernels.shading.shadow_packets_cuda import BLOCK_HEIGHT, BLOCK_WIDTH
 
-    images = [frame.images[name] for name in ("points", "segmentation", "normals")]
-    geometry, (views, height, width) = scene.bvh().struct, images[0].shape
+    images = [frame.images[name] for name in _IMAGES]
+    views, height, width = images[0].shape
     resized = geometry.drawn_count > 0 and frame.worlds.object_sizes is not None
     size = (-(-height // BLOCK_HEIGHT), views, -(-width // BLOCK_WIDTH), CUDA_LANES)
     inputs = [geometry, frame.lights(), frame.poses, frame.worlds, FoundObjects(), *images, out]
@@ -111,7 +117,7 @@ def _launch(
     kernels: tuple[wp.Kernel, wp.Kernel], rows: int, frame: Frame, caster: str, options: list[Any], out: wp.array
 ) -> None:
     """Launch the first kernel for packets on a CPU, whose threads write several rows, or else the second one."""
-    scene, images = frame.scene, [frame.images[name] for name in ("points", "segmentation", "normals")]
+    scene, images = frame.scene, [frame.images[name] for name in _IMAGES]
     lights, (views, height, width) = frame.lights(), images[0].shape
     geometry: Any
     if caster == "packets" and scene.device.is_cpu:

@@ -154,13 +154,6 @@ struct ShadowRows {
     }
 };
 
-template <class Pointer>
-struct LightOf;
-template <class Light>
-struct LightOf<Light*> {
-    typedef Light Type;
-};
-
 // The images of a view, as kernels/shading/shadow_packets.py passes them.
 template <class Lights, class Poses, class Worlds, class Vectors, class Objects, class Out>
 inline auto shadow_rows(const Lights& lights, const Poses& poses, const Worlds& worlds, const Vectors& points,

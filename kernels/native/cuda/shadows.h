@@ -102,13 +102,6 @@ struct ShadowBlocks {
     }
 };
 
-template <class Pointer>
-struct LightOf;
-template <class Light>
-struct LightOf<Light*> {
-    typedef Light Type;
-};
-
 template <class Lights, class Poses, class Worlds, class Vectors, class Objects, class Out>
 inline auto shadow_blocks(const Lights& lights, const Poses& poses, const Worlds& worlds, const Vectors& points,
                           const Objects& segmentation, const Vectors& normals, const Out& out, int view) {

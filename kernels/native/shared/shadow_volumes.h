@@ -16,6 +16,14 @@ struct LightPlace {
     double at[3];
 };
 
+// The type of the lights of an array.
+template <class Pointer>
+struct LightOf;
+template <class Light>
+struct LightOf<Light*> {
+    typedef Light Type;
+};
+
 // The shadow volume of a triangle: points p with n.p + k >= 0 for four planes. Three contain the light and an edge, and
 // the last is the triangle's, beyond which points are in shadow.
 template <class Number>
