@@ -17,6 +17,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -148,6 +149,12 @@ class Pair:
         hits = float(np.mean((ours < np.inf) == (other > 0)))  # -inf: hit, but too near
         return hits, float(np.median(np.abs(ours - other)[both]))
 
+    def same_depth(self, depth: NDArray[np.float32]) -> float:
+        """Return the fraction of pixels that both hit at depths within 1 mm, given other images of the same poses."""
+        ours = self.views.depth.numpy()
+        both = np.isfinite(ours) & (depth.reshape(ours.shape) > 0)
+        return float(np.mean(np.abs(ours - depth.reshape(ours.shape))[both] < 1e-3))
+
     def contest(self) -> Contest:
         """Measure both in turns, each as a CUDA graph."""
         with wp.ScopedDevice(self.placed.device):
@@ -185,14 +192,18 @@ def color_workloads(device: wp.Device, worlds: int | None = None) -> Iterator[Wo
 
     def prepare(camera: str, size: int, count: int, shadows: bool) -> Contest:
         placed = load(default_model(), count, str(device))
-        contest = Pair(placed, camera, size, color=True, shadows=shadows).contest()
+        pair = Pair(placed, camera, size, color=True, shadows=shadows)
+        contest = pair.contest()
         if importlib.util.find_spec("newton") is None:
             return contest
-        newton = gpu_newton_worlds.renderer(default_model(), count, camera, size, device, shadows=shadows)
-        newton()
-        return replace(contest, peers={**contest.peers, "Newton": [newton]})
+        poses = placed.data.xpos.numpy(), placed.data.xquat.numpy()
+        ways, depth = gpu_newton_worlds.renderer(default_model(), _GROUPS, poses, camera, size, device, shadows=shadows)
+        for way in ways:
+            way()
+        same = pair.same_depth(depth.numpy())
+        return replace(contest, peers={**contest.peers, "Newton": ways}, same=min(contest.same, same))
 
-    for size, camera in ((64, "teleoperator_pov"), (64, "overhead_cam"), (128, "teleoperator_pov")):
+    for size, camera in product((64, 128), ("teleoperator_pov", "overhead_cam")):
         for shadows in (False, True):
             count = worlds or 4096
             name = f"worlds {camera} {size}x{size} of {count} color{' with shadows' if shadows else ''}"
