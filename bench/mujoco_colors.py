@@ -31,6 +31,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import mujoco
 import numpy as np
@@ -92,20 +93,49 @@ def installed_models() -> Iterator[tuple[str, Load]]:
             yield f"robosuite/{task}", lambda task=task: robosuite_task(task)
 
 
+class _CompiledTask(Exception):  # noqa: N818 - carries the environment out of its constructor
+    """Raised when robosuite has compiled a model."""
+
+
 def robosuite_task(name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Return the model and the initial state of a task."""
+    """Return the model and the initial state of a task.
+
+    robosuite 1.5.2 compiles its models with MuJoCo 4, but its controllers use names that MuJoCo 4 does not have.
+    Therefore, construction ends at the first reset, and the state is written here.
+    """
     import robosuite
+    from robosuite.environments.robot_env import RobotEnv
+
+    def stop(environment: Any) -> None:
+        raise _CompiledTask(environment)
 
     robots = ["Panda", "Panda"] if name.startswith("TwoArm") else "Panda"
     options = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False}
-    task = robosuite.make(name, robots=robots, **options)
-    task.reset()
-    return task.sim.model._model, task.sim.data._data
+    with mock.patch.object(RobotEnv, "_reset_internal", stop):
+        try:
+            robosuite.make(name, robots=robots, **options)
+        except _CompiledTask as compiled:
+            task = compiled.args[0]
+    model, data = task.sim.model._model, task.sim.data._data
+    for robot in task.robots:
+        for joint, angle in zip(robot.robot_model.joints, robot.init_qpos, strict=False):  # grippers stay
+            data.joint(joint).qpos = angle
+    if getattr(task, "placement_initializer", None):
+        for position, quaternion, item in task.placement_initializer.sample().values():
+            for joint in item.joints[:1]:
+                if len(data.joint(joint).qpos) == 7:
+                    data.joint(joint).qpos = [*position, *quaternion]
+    return model, data
 
 
 def prepare(model: mujoco.MjModel) -> None:
-    """Set one sample per pixel, and hide geoms that are not opaque."""
+    """Set one sample per pixel, remove reflectance, and hide geoms that are not opaque.
+
+    Where surfaces coincide, MuJoCo's pictures and its segmentation may show different geoms if one of them reflects,
+    even without reflections.
+    """
     model.vis.quality.offsamples = 0
+    model.mat_reflectance[:] = 0
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
     colors = model.geom_rgba.copy()
     for geom, material in enumerate(model.geom_matid):
