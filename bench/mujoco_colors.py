@@ -129,12 +129,13 @@ def robosuite_task(name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def prepare(model: mujoco.MjModel) -> None:
-    """Set one sample per pixel, remove reflectance, and hide geoms that are not opaque.
+    """Set one sample per pixel, remove haze and reflectance, and hide geoms that are not opaque.
 
     Where surfaces coincide, MuJoCo's pictures and its segmentation may show different geoms if one of them reflects,
     even without reflections.
     """
     model.vis.quality.offsamples = 0
+    model.vis.map.haze = 0
     model.mat_reflectance[:] = 0
     model.vis.global_.offwidth, model.vis.global_.offheight = _WIDTH, _HEIGHT
     colors = model.geom_rgba.copy()
