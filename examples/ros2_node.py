@@ -26,6 +26,7 @@ import numpy as np
 import trimesh
 
 import warpvis as wv
+from warpvis.scene.lights import AmbientOcclusion
 from warpvis.scene.materials import Appearance, Material
 
 PARAMETERS = {
@@ -42,7 +43,9 @@ PARAMETERS = {
     "encoding": "32FC1",  # or 16UC1
     "objects": "",  # objects in `visibility`; by default all except the robot's links
     "exclude": "",  # invisible objects, such as links around the camera
-    "shadows": True,  # of colors, like the next one
+    "shadows": True,  # of colors, like the next three
+    "reflections": True,
+    "ambient_occlusion": 0.0,  # distance up to which surfaces block ambient light, 0 for none
     "samples": 1,  # rays through each pixel at an edge: 1, 2, 4, 8 or 16
     "rate": 10.0,
     "device": "cpu",
@@ -146,7 +149,7 @@ class Eye:
     ) -> None:
         """Initialize with a scene, and names of the robot's links, of reported objects, and of invisible objects.
 
-        `colors` are `shadows` and `samples` of `warpvis.Renderer`.
+        `colors` are options of colors of `warpvis.Renderer`, such as `shadows`.
         """
         self.scene, self.camera = scene, camera
         self.lost: set[str] = set()
@@ -239,7 +242,9 @@ class Viewer:
         scene, links = build_scene(self._set["scene"], self._urdf, **options)
         if not self._urdf:  # names of links are not known yet
             objects, exclude = ([name for name in names if name in scene] for names in (objects, exclude))
-        colors = {name: self._set[name] for name in ("shadows", "samples")}
+        colors = {name: self._set[name] for name in ("shadows", "reflections", "samples")}
+        if self._set["ambient_occlusion"]:
+            colors["ambient_occlusion"] = AmbientOcclusion(self._set["ambient_occlusion"])
         self._eye = Eye(scene, self._camera, links=links, objects=objects, exclude=exclude, **colors)
 
     def tick(self) -> None:

@@ -12,6 +12,7 @@ from gymnasium_environments import Cup, make_cup
 
 import warpvis as wv
 import warpvis.mujoco.gymnasium as wrappers
+from warpvis.scene.lights import AmbientOcclusion
 
 
 def data_cases(folder):
@@ -36,6 +37,8 @@ def data_cases(folder):
         "fill": "far",
         "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
         "shadows": True,
+        "reflections": True,
+        "ambient_occlusion": AmbientOcclusion(0.5),
         "samples": 1,
         "scene_option": mujoco.MjvOption(),
         "device": "cpu",
@@ -63,6 +66,8 @@ def data_cases(folder):
                 "threads": 1,
                 "caster": "auto",
                 "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "samples": 1,
             },
         ),
@@ -131,6 +136,9 @@ def data_cases(folder):
                 "camera": "front",
                 "width": 8,
                 "height": 6,
+                "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "samples": 1,
                 "scene_option": None,
                 "threads": 1,
@@ -165,6 +173,7 @@ def data_cases(folder):
                 "shadows": True,
                 "reflections": True,
                 "lighting": "vertex",
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "samples": 1,
                 "sensor": wv.sensors.StereoDepth(0.05, sigma=0.1),
                 "seed": 1,
@@ -218,6 +227,10 @@ def data_cases(folder):
                 "cull_backfaces": True,
                 "near_plane": "clip",
                 "lighting": "pixel",
+                "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
+                "samples": 1,
                 "fill": "far",
                 "sensor": sensor,
                 "seed": 1,

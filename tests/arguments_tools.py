@@ -20,6 +20,7 @@ from arguments_shared import (
 )
 
 import warpvis as wv
+from warpvis.scene.lights import AmbientOcclusion
 
 _ARM = mujoco.MjModel.from_xml_string(
     '<mujoco><worldbody><body><joint name="turn" axis="0 0 1"/><geom size="0.1"/></body></worldbody></mujoco>'
@@ -315,6 +316,8 @@ def tools_cases(folder):
                 "outputs": ["depth"],
                 "cull_backfaces": False,
                 "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "convention": "opencv",
                 "threads": 1,
                 **WORLDS,
@@ -484,6 +487,8 @@ def tools_cases(folder):
                 "device_name": "camera",
                 "exclude_body": False,
                 "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "samples": 1,
                 "threads": 1,
             },

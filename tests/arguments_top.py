@@ -499,6 +499,8 @@ def top_cases(folder):
                 "threads": 1,
                 "caster": "auto",
                 "shadows": True,
+                "reflections": True,
+                "ambient_occlusion": AmbientOcclusion(0.5),
                 "samples": 1,
                 "engine": "local",
                 "workers": None,

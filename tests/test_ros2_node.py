@@ -18,7 +18,8 @@ pytest.importorskip("rosbags.typesys")
 import ros_messages
 
 import warpvis as wv
-from warpvis.scene.lights import HEADLIGHT
+from warpvis.rendering import ColorOptions
+from warpvis.scene.lights import HEADLIGHT, AmbientOcclusion
 
 from support.ros_nodes import Buffer, Missing, Node, Time
 
@@ -200,6 +201,16 @@ def test_node_publishes_rendered_images_and_visibility(start, lab):
         assert seen["pixels"] == report.visible_pixels.numpy()[0, place], name
         assert seen["fraction"] == pytest.approx(report.fraction.numpy()[0, place], abs=1e-4)
     assert told["objects"]["cup"]["hidden_by"] == "hand" and told["objects"]["bowl"]["hidden_by"] is None
+
+
+def test_colors_have_the_options_of_the_renderer(start, lab):
+    """Parameters for colors are the options of `warpvis.rendering.ColorOptions`."""
+    options = {"shadows": False, "reflections": False, "samples": 4}
+    for distance, expected in ((0.5, AmbientOcclusion(0.5)), (0.0, None)):
+        node, _ = start(scene=lab, ambient_occlusion=distance, **options)
+        renderer = node.timers[0][1].__self__._eye._renderer
+        found = {name: getattr(renderer, name) for name in ColorOptions.__annotations__}
+        assert found == options | {"ambient_occlusion": expected}
 
 
 def test_poses_are_of_the_image_time(start, lab):

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, Unpack
 
 import numpy as np
 import warp as wp
@@ -28,6 +28,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering import (
     CasterName,
+    ColorOptions,
     DepthSensor,
     Output,
     Renderer,
@@ -85,8 +86,7 @@ class FrameRenderer:
         device: DeviceLike = None,
         threads: int | None = None,
         caster: CasterName = "auto",
-        shadows: bool = True,
-        samples: int = 1,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Prepare to render.
 
@@ -105,8 +105,7 @@ class FrameRenderer:
             device: Device to render on; the scene's device by default.
             threads: CPU threads to use; all cores of this process by default.
             caster: As for `Renderer`.
-            shadows: As for `Renderer`.
-            samples: As for `Renderer`.
+            **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `Renderer`.
         """
         self.outputs = check_batch_outputs(outputs, sensor)
         self.scene = make_scene(scene, device)
@@ -129,8 +128,7 @@ class FrameRenderer:
         self._renderer = None
         if self.images:
             options: dict[str, Any] = {"caster": caster, "threads": threads, "sensor": sensor, "seed": seed}
-            options |= {"shadows": shadows, "samples": samples}
-            self._renderer = Renderer(self.scene, self.camera, outputs=self.images, **options)
+            self._renderer = Renderer(self.scene, self.camera, outputs=self.images, **options, **colors)
 
     def __call__(self, batch: Batch) -> dict[str, np.ndarray]:
         """Render a batch of n frames.

@@ -11,10 +11,10 @@ import hashlib
 import json
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import asdict, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from warpvis.batch.formats._base import Format
     from warpvis.batch.storage._stores import Store
     from warpvis.cameras.frames import Frames
+    from warpvis.rendering import ColorOptions
     from warpvis.scene import Scene, SceneObject
 
 MANIFEST = "manifest.json"
@@ -71,8 +72,7 @@ def make_manifest(
     device: str,
     source: str | None,
     caster: str,
-    shadows: bool,
-    samples: int,
+    colors: ColorOptions,
 ) -> Manifest:
     """Make a job's manifest; it depends only on the job's arguments, so it is the same in every call.
 
@@ -97,9 +97,16 @@ def make_manifest(
         "sensor_seed": None if plan.sensor is None else plan.sensor_seed,
         "device": device,
         "caster": caster,
-        **({"shadows": shadows, "samples": samples} if plan.has_colors else {}),
+        **(_color_fields(colors) if plan.has_colors else {}),
         "versions": versions(*packages),
     }
+
+
+def _color_fields(colors: ColorOptions) -> dict[str, Json]:
+    """Return the options of colors as fields of a manifest."""
+    found: dict[str, Any] = dict(colors)
+    occlusion = colors["ambient_occlusion"]
+    return found | {"ambient_occlusion": None if occlusion is None else asdict(occlusion)}
 
 
 def hash_values(*values: object) -> str:

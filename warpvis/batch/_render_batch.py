@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, Unpack, get_args
 
 import numpy as np
 
@@ -39,7 +39,15 @@ from warpvis.core.labels import LabelNames
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, PoseLike
 from warpvis.errors import ArrayError, FileFormatError, PoseError
-from warpvis.rendering import CasterName, DepthSensor, check_samples, check_word, pixel_bytes, require_sensor
+from warpvis.rendering import (
+    CasterName,
+    ColorOptions,
+    DepthSensor,
+    check_colors,
+    check_word,
+    pixel_bytes,
+    require_sensor,
+)
 from warpvis.scene.worlds import pose_columns
 from warpvis.visibility import choose_objects
 
@@ -102,8 +110,6 @@ def render_batch(
     device: DeviceLike = None,
     threads: int | None = None,
     caster: CasterName = "auto",
-    shadows: bool = True,
-    samples: int = 1,
     engine: Engine = "local",
     workers: int | None = None,
     address: str | None = None,
@@ -111,6 +117,7 @@ def render_batch(
     repair: bool = False,
     quiet: bool = True,
     source: str | None = None,
+    **colors: Unpack[ColorOptions],
 ) -> BatchSummary:
     """Render frames to a dataset on disk, in shards; an interrupted call can be repeated with `resume`.
 
@@ -143,8 +150,6 @@ def render_batch(
         threads: For the engine ``"local"``, the number of CPU threads that render and of those that encode; all cores
             of this process by default. With eight or more, compressed files are encoded in additional processes.
         caster: As for `Renderer`.
-        shadows: As for `Renderer`.
-        samples: As for `Renderer`.
         engine: ``"local"`` for this machine; ``"ray"`` for a Ray cluster, which is started on this machine if none is
             running.
         workers: Workers of the engine ``"ray"``; by default one for each GPU, or for each core.
@@ -155,6 +160,7 @@ def render_batch(
         quiet: Whether to hide the progress bar; it is also hidden if standard error is not a terminal or
             tqdm is not installed.
         source: Origin of the scene for the manifest; the name of the scene's file by default.
+        **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `Renderer`.
 
     Raises:
         WarpvisError: If an argument is invalid, the folder contains other files or a dataset with other arguments, or a
@@ -167,7 +173,7 @@ def render_batch(
         )
     _check_engine(engine, threads, workers, address)
     check_choice(caster, "caster", get_args(CasterName))
-    check_flag(shadows, "shadows")
+    check_colors(**colors)
     if source is not None and not isinstance(source, str):
         raise ArrayError(f"source must be a text, got {type(source).__name__}")
     if source is None and isinstance(scene, str | os.PathLike):
@@ -190,7 +196,7 @@ def render_batch(
     )
     layout = kind(plan)
     backend = "cpu" if devices[0] == "cpu" else "cuda"
-    choices: dict[str, Any] = {"caster": caster, "shadows": shadows, "samples": check_samples(samples, plan.camera)}
+    choices: dict[str, Any] = {"caster": caster, "colors": check_colors(plan.camera, **colors)}
     manifest = make_manifest(plan, scene, layout, device=backend, source=source, **choices)
     dataset = Dataset(out, plan, layout, manifest)
     if dataset.check(resume=resume) and repair:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from threading import Event, Lock
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from warpvis.batch._job import Plan
 from warpvis.batch.formats._base import Format, Images
 from warpvis.batch.storage._stores import is_local
 from warpvis.core.threads import check_threads
+from warpvis.rendering import ColorOptions, check_colors
 
 if TYPE_CHECKING:
     from warpvis.core.types import DeviceLike
@@ -44,8 +45,7 @@ class Job:
     format: str
     out: str
     caster: CasterName = "auto"
-    shadows: bool = True
-    samples: int = 1
+    colors: ColorOptions = field(default_factory=check_colors)
 
 
 Run = Callable[[Job, Sequence[int], Done], None]
@@ -87,8 +87,7 @@ class ShardWriter:
             device=device,
             threads=threads,
             caster=job.caster,
-            shadows=job.shadows,
-            samples=job.samples,
+            **job.colors,
         )
         size, pinned = min(plan.shard_frames, len(plan.frames)), not self._renderer.scene.device.is_cpu
         images = self._renderer.images

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
@@ -42,14 +42,38 @@ _NOTHING_SEEN = 3
 
 @with_help
 @dataclass(frozen=True, kw_only=True)
-class ImageOptions(FrameOptions):
+class ColorOptions:
+    """Options of color images."""
+
+    shadows: bool = True
+    """Whether lights with shadows cast them in color images."""
+    reflections: bool = True
+    """Whether flat surfaces with a reflectance show a mirror image in color images."""
+    ambient_occlusion: Annotated[float | None, tyro.conf.arg(metavar="METERS")] = None
+    """Distance up to which surfaces block ambient light of each other in color images; by default they do not."""
+    samples: int = 1
+    """Rays through each pixel at an edge of a surface whose colors are averaged in color images: 1, 2, 4, 8 or 16."""
+
+    def colors(self) -> dict[str, Any]:
+        """Return these options as those of `warpvis.Renderer`."""
+        from warpvis.scene.lights import AmbientOcclusion
+
+        options = {name: getattr(self, name) for name in color_options}
+        if self.ambient_occlusion is not None:
+            options["ambient_occlusion"] = AmbientOcclusion(self.ambient_occlusion)
+        return options
+
+
+color_options = tuple(field.name for field in fields(ColorOptions))
+"""Names of the options of color images."""
+
+
+@with_help
+@dataclass(frozen=True, kw_only=True)
+class ImageOptions(ColorOptions, FrameOptions):
     """Options that select the images to render."""
 
     outputs: Annotated[Names, tyro.conf.arg(help=_OUTPUTS)] = ()
-    shadows: bool = True
-    """Whether lights with shadows cast them in color images."""
-    samples: int = 1
-    """Rays through each pixel at an edge of a surface whose colors are averaged in color images: 1, 2, 4, 8 or 16."""
     objects: Names = ()
     """Objects to compute visibility for; all by default."""
     exclude: Names = ()
@@ -162,8 +186,6 @@ class Batch(ImageOptions):
                 shard_frames=self.shard_frames,
                 device=self.device,
                 threads=self.threads,
-                shadows=self.shadows,
-                samples=self.samples,
                 engine=self.engine,
                 workers=self.workers,
                 address=self.address,
@@ -172,6 +194,7 @@ class Batch(ImageOptions):
                 quiet=self.quiet,
                 source=self.file.name,
                 **chosen,
+                **self.colors(),
             )
         except KeyboardInterrupt:
             print(f"warpvis: interrupted; the same command with --resume continues {self.out}", file=sys.stderr)

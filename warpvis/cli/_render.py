@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from warpvis.cli._datasets import ImageOptions, print_summary
+from warpvis.cli._datasets import ImageOptions, color_options, print_summary
 from warpvis.cli._info import is_world
 from warpvis.cli._inputs import (
     MaybePoses,
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from warpvis.webots import Device, Lidar, WebotsWorld
 
 _FRAMES = (*viewpoint_options[len(scene_options) :], "movable", "worlds")
-_COLORS = ("shadows", "samples")
 _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
 _CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
@@ -53,7 +52,7 @@ _CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
 
 _CLOUD_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
 _RAYS_AT_ONCE = 2**22
-_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "objects", *_IMAGES, *_COLORS)
+_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "objects", *_IMAGES, *color_options)
 _OF_DEVICES = ("device_name", "version_exact")
 
 _PREVIEWS, _SHEET = "preview", "contact_sheet.png"
@@ -120,7 +119,7 @@ class Render(ImageOptions):
         world = load_webots(self.file, device=self.device, search_path=self.folders(), strict=self.strict)
         finders, lidars, cameras = self._choose_devices(world)
         if not cameras:
-            refuse_options(self, _COLORS, "without cameras no colors are rendered: give")
+            refuse_options(self, color_options, "without cameras no colors are rendered: give")
         release, blind = "header" if self.version_exact else None, []
         kinds: list[tuple[Any, ...]] = [
             (finders, world.devices, render_range, _write, ("depth.npz", "depth/000000.png")),
@@ -138,8 +137,7 @@ class Render(ImageOptions):
                     print(f"{name}: {', '.join(str(folder / file) for file in files)}")
         for name in cameras:
             path = self._folder_of(name) / "color" / "000000.png"
-            options: dict[str, Any] = {"shadows": self.shadows, "samples": self.samples, "threads": self.threads}
-            _write_color(path, render_color(world, name, **options))
+            _write_color(path, render_color(world, name, threads=self.threads, **self.colors()))
             if not self.quiet:
                 print(f"{name}: {path}")
         if blind:
@@ -252,11 +250,10 @@ class Render(ImageOptions):
                 format=name,
                 threads=self.threads,
                 quiet=self.quiet,
-                shadows=self.shadows,
-                samples=self.samples,
                 source=self.file.name,
                 options=options[name],
                 **chosen,
+                **self.colors(),
             )
             print_summary(summary, name, quiet=self.quiet)
             empty = empty or summary.empty_frames == summary.frames

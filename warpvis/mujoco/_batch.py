@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, cast, get_args
+from typing import Any, Unpack, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import check_choice, check_flag, check_whole
+from warpvis.core.checks import check_choice, check_whole
 from warpvis.core.labels import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
@@ -40,6 +40,7 @@ from warpvis.mujoco._world_appearances import ModelAppearances
 from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
 from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
 from warpvis.rendering import (
+    ColorOptions,
     DepthSensor,
     Fill,
     Lighting,
@@ -47,6 +48,7 @@ from warpvis.rendering import (
     Output,
     Pool,
     Views,
+    check_colors,
     check_output_names,
     view_numbers,
     views_for,
@@ -91,14 +93,12 @@ class BatchRenderer:
         cull_backfaces: bool = True,
         near_plane: NearPlane = "clip",
         fill: Fill = "inf",
-        shadows: bool = True,
-        reflections: bool = True,
         lighting: Lighting = "pixel",
-        samples: int = 1,
         sensor: DepthSensor | None = None,
         seed: int = 0,
         device: DeviceLike = "cpu",
         threads: int | None = None,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Prepare to render.
 
@@ -125,16 +125,15 @@ class BatchRenderer:
             cull_backfaces: Ignore surfaces seen from behind, as MuJoCo does.
             near_plane: As for `warpvis.Renderer`; MuJoCo clips.
             fill: Depth of empty pixels, as for `warpvis.Renderer`.
-            shadows: Whether lights with shadows cast them in ``"color"``, as for `warpvis.Renderer`.
-            reflections: Whether the first plane or box with a reflectance shows a mirror image in ``"color"``, as in
-                MuJoCo.
             lighting: Where light is computed in ``"color"``, as for `warpvis.Renderer`: ``"vertex"`` as by MuJoCo.
-            samples: Rays through pixels at edges in ``"color"``, as for `warpvis.Renderer`; 1 in CUDA graphs.
             sensor: A depth-camera model, as for `warpvis.Renderer`, applied to all cameras. The near planes of the
                 cameras are the model's, `vis.map.znear`; surfaces nearer than the device's minimum depth are too near.
             seed: Seed of the sensor's random numbers, which also depend on world, camera and frame.
             device: Where to render; poses on a GPU must be on this one.
             threads: CPU threads to use; all cores of this process by default.
+            **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `warpvis.Renderer`. As in
+                MuJoCo, only the first plane or box with a reflectance shows a mirror image. In CUDA graphs, `samples`
+                is 1.
         """
         nworld = None if nworld is None else check_whole(nworld, "nworld")
         check_size(width, "width")
@@ -166,9 +165,7 @@ class BatchRenderer:
         check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._render_options: dict[str, Any] = {"outputs": self._outputs, "sensor": sensor, "seed": seed, "fill": fill}
         self._render_options |= {"near_plane": near_plane, "cull_backfaces": cull_backfaces, "threads": threads}
-        self._render_options["shadows"] = check_flag(shadows, "shadows")
-        self._render_options["reflections"] = check_flag(reflections, "reflections")
-        self._render_options["samples"], self._render_options["lighting"] = samples, lighting
+        self._render_options |= {"lighting": lighting, **check_colors(**colors)}
         self._appearance: ModelAppearances | None = None
         if colored:
             moved = not isinstance(movable, str) or movable != "bodies"

@@ -7,7 +7,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any, Unpack, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -40,13 +40,14 @@ from warpvis.mujoco._stage_colors import StageLights, style_of
 from warpvis.mujoco._tessellation import Eye
 from warpvis.mujoco._visuals import MAX_GEOMS, Visuals
 from warpvis.rendering import (
+    ColorOptions,
     DepthSensor,
     Fill,
     Lighting,
     NearPlane,
     Output,
+    check_colors,
     check_fill,
-    check_samples,
     check_word,
     require_sensor,
 )
@@ -91,11 +92,11 @@ class Renderer:
         near_plane: NearPlane = "clip",
         lighting: Lighting = "vertex",
         fill: Fill = "far",
-        samples: int = 1,
         sensor: DepthSensor | None = None,
         seed: int = 0,
         device: DeviceLike = "cpu",
         threads: int | None = None,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Initialize a renderer.
 
@@ -118,14 +119,15 @@ class Renderer:
             fill: Depth of pixels without depth: ``"far"`` for MuJoCo's far value (for a sensor, the near plane where a
                 surface is too near); ``"inf"`` for +inf (-inf where too near, and NaN where a sensor lost depth); or a
                 number [m].
-            samples: Rays through each pixel at an edge of a surface whose colors are averaged, as for
-                `warpvis.Renderer`; MuJoCo has ``model.vis.quality.offsamples`` instead.
             sensor: A depth camera model, as for `warpvis.Renderer`, which computes depth for MuJoCo's cameras with the
                 model's near plane. `reasons` has the reasons for missing depth, and `true_depth` the exact depth.
                 Segmentation remains exact.
             seed: Seed of the sensor's random numbers, which also depend on `frame`, the number of depth images.
             device: Device for rendering: ``"cpu"``, ``"cuda:0"``, ...
             threads: Number of CPU threads; by default all cores available to the process.
+            **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `warpvis.Renderer`. The flags
+                mjRND_SHADOW and mjRND_REFLECTION of `scene` also turn off shadows and reflections. MuJoCo has no
+                ambient occlusion, and ``model.vis.quality.offsamples`` instead of `samples`.
         """
         if not isinstance(model, mujoco.MjModel):
             raise SceneError(f"model must be a mujoco.MjModel, got {type(model).__name__}")
@@ -139,7 +141,7 @@ class Renderer:
         self._cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         self._near_plane = check_choice(near_plane, "near_plane", get_args(NearPlane))
         self._lighting = check_choice(lighting, "lighting", get_args(Lighting))
-        self._fill, self._samples = check_fill(fill), check_samples(samples)
+        self._fill, self._colors = check_fill(fill), check_colors(**colors)
         self._sensor = None if sensor is None else require_sensor(sensor)
         self._seed = check_word(seed, "seed")
         self.frame = 0
@@ -384,7 +386,7 @@ class Renderer:
             return self._nothing(outputs)
         sensor = self._sensor if "reasons" in outputs else None
         renderer = self._renderer_of(outputs, camera, culls=culls, sensor=sensor, seed=self._seed)
-        renderer.reflections = self._viewer.reflects()
+        renderer.reflections = self._viewer.reflects() and self._colors["reflections"]
         options: dict[str, Any] = {"object_poses": stage.object_poses(), "exclude": stage.hidden}
         if sensor is not None:
             options["frame"] = self.frame
@@ -410,7 +412,7 @@ class Renderer:
             seen = camera if self._near_plane == "clip" else replace(camera, near=0.0)
             options |= {"near_plane": "clip", "cull_backfaces": culls, "threads": self._threads}
             if "color" in outputs:
-                options |= {"samples": self._samples, "lighting": self._lighting}
+                options |= {**self._colors, "lighting": self._lighting}
             if len(stage.renderers) >= _MAX_RENDERERS:
                 stage.renderers.clear()
             stage.renderers[key] = GeomRenderer(stage.scene, seen, stage.coinciding, outputs=outputs, **options)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from warpvis.core.outputs import OUTPUTS, OutputSpec
 from warpvis.rendering._along import render_along as render_along
-from warpvis.rendering._antialiasing import check_samples as check_samples
 from warpvis.rendering._blindness import (
     seen_objects as seen_objects,
     warn_of_eyes_inside as warn_of_eyes_inside,
@@ -25,6 +24,7 @@ from warpvis.rendering._choices import (
     check_output_names as check_output_names,
     choose_caster as choose_caster,
 )
+from warpvis.rendering._color_options import ColorOptions as ColorOptions, check_colors as check_colors
 from warpvis.rendering._computed import Frame, register_output
 from warpvis.rendering._depth_kernels import (
     launch_back_project as launch_back_project,

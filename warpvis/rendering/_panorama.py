@@ -6,11 +6,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Unpack
 
 from warpvis.cameras.rays import OnceCache, Projection, WideCamera
 from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.rendering._choices import Output
+from warpvis.rendering._color_options import ColorOptions
 from warpvis.rendering._renderer import render
 from warpvis.rendering._views import Views
 from warpvis.scene import Scene, require_scene
@@ -31,13 +33,13 @@ def render_wide(
     far: float = math.inf,
     outputs: Sequence[Output] = ("depth",),
     cull_backfaces: bool = False,
-    shadows: bool = True,
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
+    **colors: Unpack[ColorOptions],
 ) -> Views:
     """Render wide-angle views with the projections of `WideCamera`.
 
@@ -56,13 +58,13 @@ def render_wide(
         far: Maximum length of a ray [m].
         outputs: The images to render, as for `Renderer`.
         cull_backfaces: Whether to ignore triangles seen from behind, as for `Renderer`.
-        shadows: Whether lights with shadows cast them in ``"color"``, as for `Renderer`.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         threads: CPU threads to use; all cores of this process by default.
+        **colors: `shadows`, `reflections` and `ambient_occlusion`, as for `Renderer`.
 
     Returns:
         The images, indexed ``[view, y, x]``, on the scene's device. Depth is the *length* of the ray from the camera to
@@ -83,13 +85,13 @@ def render_wide(
         outputs=outputs,
         caster="auto" if is_small else "rays",
         cull_backfaces=cull_backfaces,
-        shadows=shadows,
         object_poses=object_poses,
         world_index=world_index,
         exclude=exclude,
         convention=convention,
         quaternion=quaternion,
         threads=threads,
+        **colors,
     )
 
 

@@ -24,7 +24,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, host_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError
-from warpvis.rendering._antialiasing import EDGE_IMAGES, check_samples, smooth_edges
+from warpvis.rendering._antialiasing import EDGE_IMAGES, smooth_edges
 from warpvis.rendering._blindness import find_blind, seen_objects, warn_of_eyes_inside, warn_of_units
 from warpvis.rendering._choices import (
     DEFAULT_OUTPUTS,
@@ -38,13 +38,14 @@ from warpvis.rendering._choices import (
     choose_caster,
     fill_numbers,
 )
+from warpvis.rendering._color_options import check_colors
 from warpvis.rendering._computed import Frame, compute_output, needs_of
 from warpvis.rendering._depth_sensor import DepthSensor
 from warpvis.rendering._layer_lists import blend_layers
 from warpvis.rendering._layers import is_layered
 from warpvis.rendering._mirrors import add_mirror, flipped_camera
 from warpvis.rendering._sensing import Sensing, check_word, next_frame, view_numbers
-from warpvis.rendering._shadows import cast_occlusion, cast_shadows, check_occlusion, count_shadows
+from warpvis.rendering._shadows import cast_occlusion, cast_shadows, count_shadows
 from warpvis.rendering._views import CheckedImages, Views, pixel_bytes, pixel_type, views_for
 from warpvis.rendering.casters import Caster, CastOptions, ViewBatch, make_caster
 from warpvis.rendering.casters.base import ImagesByName, Scratch, as_image
@@ -144,14 +145,15 @@ class Renderer:
         self.device_bytes = check_device_bytes(device_bytes, scene.device)
         self.fill = fill
         self._fill = fill_numbers(fill, camera)
-        self.shadows = check_flag(shadows, "shadows")
-        self.reflections = check_flag(reflections, "reflections")
+        colors = check_colors(
+            camera, shadows=shadows, reflections=reflections, ambient_occlusion=ambient_occlusion, samples=samples
+        )
+        self.shadows, self.reflections = colors["shadows"], colors["reflections"]
+        self.ambient_occlusion, self.samples = colors["ambient_occlusion"], colors["samples"]
         check_choice(lighting, "lighting", get_args(Lighting))
         self.lighting: Lighting = lighting
         if self.lighting == "vertex":
             scene.require_planes()
-        self.ambient_occlusion = check_occlusion(ambient_occlusion)
-        self.samples = check_samples(samples, camera)
         self._shape = camera.shape
         self._checked = CheckedImages()
         self._options = CastOptions(

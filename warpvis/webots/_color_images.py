@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import warnings
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import check_whole
 from warpvis.errors import CameraError, SceneError
-from warpvis.rendering import Renderer, render_wide
+from warpvis.rendering import ColorOptions, Renderer, render_wide
 from warpvis.webots._range_images import distorted_pixels, find_device, hidden_body
 from warpvis.webots._world import WebotsWorld
 
@@ -21,9 +22,8 @@ def render_color(
     device_name: str,
     *,
     exclude_body: bool = False,
-    shadows: bool = True,
-    samples: int = 1,
     threads: int | None = None,
+    **colors: Unpack[ColorOptions],
 ) -> NDArray[np.uint8]:
     """Render the color image of a camera, under the lights of the world.
 
@@ -35,10 +35,9 @@ def render_color(
         world: The world, from `load_webots`.
         device_name: The camera.
         exclude_body: Whether to hide the robot that the camera is part of.
-        shadows: Whether lights with shadows cast them, as for `warpvis.Renderer`.
-        samples: Rays through each pixel at an edge of a surface, as for `warpvis.Renderer`; 1 for cameras that are not
-            planar or have a `Lens`.
         threads: Number of CPU threads; by default all cores available to the process.
+        **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `warpvis.Renderer`; `samples` is 1
+            for cameras that are not planar or have a `Lens`.
 
     Returns:
         Colors in sRGB, shape ``(H, W, 3)``.
@@ -52,7 +51,8 @@ def render_color(
         raise SceneError(f"{device_name!r} is a range finder, which has no colors: use render_range")
     if device.ignored:
         warnings.warn(f"{device_name!r}: {', '.join(device.ignored)} of Camera have no effect on colors", stacklevel=2)
-    if check_whole(samples, "samples") > 1 and (device.projection != "planar" or device.bends):
+    samples = check_whole(colors.get("samples", 1), "samples")
+    if samples > 1 and (device.projection != "planar" or device.bends):
         kind = device.projection if device.projection != "planar" else "distorted by a lens"
         raise CameraError(f"samples must be 1 for {device_name!r}, whose image is {kind}, got {samples}")
     exclude = hidden_body(world, device, exclude_body) or None
@@ -68,8 +68,8 @@ def render_color(
             outputs=("color",),
             cull_backfaces=True,
             exclude=exclude,
-            shadows=shadows,
             threads=threads,
+            **colors,
         )
         return views.color.numpy()[0]
     renderer = Renderer(
@@ -78,9 +78,8 @@ def render_color(
         outputs=("color",),
         cull_backfaces=True,
         near_plane="clip",
-        shadows=shadows,
-        samples=samples,
         threads=threads,
+        **colors,
     )
     if not device.bends:
         return renderer.render(device.pose, exclude=exclude).color.numpy()[0]

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -20,7 +20,7 @@ from warpvis.mujoco._cameras import viewer_camera
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._scene import shown_by
 from warpvis.mujoco.gymnasium._environments import find_simulation
-from warpvis.rendering import check_samples
+from warpvis.rendering import ColorOptions, check_colors
 
 
 class RenderFrames(gym.Wrapper, gym.utils.RecordConstructorArgs):
@@ -43,10 +43,10 @@ class RenderFrames(gym.Wrapper, gym.utils.RecordConstructorArgs):
         camera: CameraChoice = -1,
         width: int = 480,
         height: int = 480,
-        samples: int = 1,
         scene_option: mujoco.MjvOption | None = None,
         device: DeviceLike = "cpu",
         threads: int | None = None,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Wrap an environment.
 
@@ -55,10 +55,10 @@ class RenderFrames(gym.Wrapper, gym.utils.RecordConstructorArgs):
             camera: A camera's name or id, -1 for the default free camera, or a `mujoco.MjvCamera`.
             width: Image width [px].
             height: Image height [px].
-            samples: Rays through each pixel at an edge of a surface, as for `warpvis.mujoco.Renderer`.
             scene_option: A `mujoco.MjvOption` that selects visible elements, by default those of `mujoco.Renderer`.
             device: Device for rendering.
             threads: Number of CPU threads; by default all cores available to the process.
+            **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `warpvis.Renderer`.
         """
         model, _ = find_simulation(env)
         viewer_camera(model, camera)
@@ -67,11 +67,11 @@ class RenderFrames(gym.Wrapper, gym.utils.RecordConstructorArgs):
             device = get_device(device).alias  # other types cannot be recorded
         chosen: dict[str, Any] = {"camera": camera, "width": check_size(width, "width")}
         chosen |= {"height": check_size(height, "height"), "scene_option": scene_option}
-        chosen |= {"device": device, "threads": check_threads(threads), "samples": check_samples(samples)}
+        self._options: dict[str, Any] = {"device": device, "threads": check_threads(threads), **check_colors(**colors)}
+        chosen |= self._options
         gym.utils.RecordConstructorArgs.__init__(self, **chosen)
         super().__init__(env)
         self._camera, self._option, self._size = camera, scene_option, (height, width)
-        self._options: dict[str, Any] = {name: chosen[name] for name in ("device", "threads", "samples")}
         self._renderer: Renderer | None = None
 
     @property

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, Unpack, get_args
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import get_device
-from warpvis.core.checks import as_items, check_choice, check_flag, check_number
+from warpvis.core.checks import as_items, check_choice, check_number
 from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -28,7 +28,16 @@ from warpvis.mujoco._model_fields import shape_bodies, shape_count
 from warpvis.mujoco._renderer import Renderer as MujocoRenderer
 from warpvis.mujoco._scene import check_patterns, class_of_geoms, shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
-from warpvis.rendering import DepthSensor, Fill, Output, Renderer, check_fill, check_samples, require_sensor
+from warpvis.rendering import (
+    ColorOptions,
+    DepthSensor,
+    Fill,
+    Output,
+    Renderer,
+    check_colors,
+    check_fill,
+    require_sensor,
+)
 from warpvis.scene import Scene
 from warpvis.sensors import Reason
 
@@ -84,11 +93,10 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
         sensor: DepthSensor | None = None,
-        shadows: bool = True,
-        samples: int = 1,
         scene_option: mujoco.MjvOption | None = None,
         device: DeviceLike = "cpu",
         threads: int | None = 1,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Wrap an environment.
 
@@ -111,9 +119,6 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             sensor: A depth camera model, such as `warpvis.sensors.realsense_d435()`, which computes depth. Its noise
                 depends on the last seed of `reset` (random without a seed), and on the numbers of resets and
                 observations since. Lost pixels are filled like empty ones, for which `fill` must not be ``"inf"``.
-            shadows: Whether lights with shadows cast them in colors.
-            samples: Rays through each pixel at an edge of a surface whose colors are averaged, as for
-                `warpvis.Renderer`.
             scene_option: A `mujoco.MjvOption` that selects visible elements, as for `warpvis.mujoco.Renderer`. By
                 default no sites are visible, since they are markers that sensors do not see. Options cannot be pickled,
                 so each worker must create them.
@@ -121,22 +126,22 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
                 render all environments in one process with `VectorDepthObservation`.
             threads: Number of CPU threads. The default of 1 is for parallel environments, one per worker, which would
                 otherwise oversubscribe the cores; None uses all cores, for a single environment.
+            **colors: `shadows`, `reflections`, `ambient_occlusion` and `samples`, as for `warpvis.Renderer`.
         """
         model, _ = find_simulation(env)
         chosen: dict[str, Any] = {"camera": camera, "width": width, "height": height, "outputs": outputs}
         chosen |= {"channels": channels, "depth_range": depth_range, "objects": objects, "segmentation": segmentation}
         chosen |= {"fill": fill, "sensor": sensor}
         self._outputs = Outputs(model, **chosen)
-        chosen |= {"shadows": check_flag(shadows, "shadows"), "samples": check_samples(samples)}
+        self._colors = check_colors(**colors)
         shown_by(scene_option)
         threads = check_threads(threads)
         if device is not None and not isinstance(device, str):
             device = get_device(device).alias  # other types cannot be recorded
         chosen |= {"scene_option": scene_option, "device": device, "threads": threads}
-        gym.utils.RecordConstructorArgs.__init__(self, **chosen)
+        gym.utils.RecordConstructorArgs.__init__(self, **chosen, **self._colors)
         super().__init__(env)
         self._option, self._device, self._threads = scene_option, device, threads
-        self._colors: dict[str, Any] = {name: chosen[name] for name in ("shadows", "samples")}
         self._renderer: ImageRenderer | None = None
         self._draws = Draws()
         self.observation_space = with_entries(env.observation_space, self._outputs.spaces)
@@ -154,8 +159,8 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             # Created lazily, since a vector environment creates one environment only for its spaces.
             height, width = self._outputs.shape
             # Light is that of batches, as of vector environments.
-            options = {"lighting": "pixel", "device": self._device, "threads": self._threads, **self._colors}
-            self._renderer = ImageRenderer(model, height, width, **options)
+            options: dict[str, Any] = {"lighting": "pixel", "device": self._device, "threads": self._threads}
+            self._renderer = ImageRenderer(model, height, width, **options, **self._colors)
             if COLOR not in self._outputs.images:
                 self._renderer.enable_depth_rendering()
         numbers = view_draws(self._draws.next()[None], len(self._outputs.cameras))
@@ -189,10 +194,6 @@ class ImageRenderer(MujocoRenderer):
 
     _fractions: VisibleFractions | None = None
 
-    def __init__(self, model: mujoco.MjModel, height: int, width: int, *, shadows: bool, **options: Any) -> None:
-        super().__init__(model, height, width, **options)
-        self._shadows = shadows
-
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render the scene of the last `update_scene`: images ``(H, W)`` and visible fractions ``(objects,)`` by name.
 
@@ -209,8 +210,7 @@ class ImageRenderer(MujocoRenderer):
         places = stage.object_poses()
         view_index, frame = (None, None) if outputs.sensor is None else (draws[:1], draws[1:])
         options: dict[str, Any] = {"object_poses": places, "exclude": stage.hidden}
-        chosen: dict[str, Any] = {"fill": outputs.fill, "sensor": outputs.sensor, "shadows": self._shadows}
-        renderer = self._renderer_of(outputs.images, camera, **chosen)
+        renderer = self._renderer_of(outputs.images, camera, fill=outputs.fill, sensor=outputs.sensor)
         views = renderer.render(self._pose[None], view_index=view_index, frame=frame, **options)
         entries = {name: getattr(views, name).numpy()[0] for name in outputs.images}
         if SEGMENTATION in entries:

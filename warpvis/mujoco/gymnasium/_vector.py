@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium as gym
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -37,7 +37,7 @@ from warpvis.mujoco.gymnasium._observation import (
     VisibleFractions,
     shapes_of_objects,
 )
-from warpvis.rendering import DepthSensor, Fill
+from warpvis.rendering import ColorOptions, DepthSensor, Fill
 
 _FINAL = "final_obs"
 
@@ -71,12 +71,11 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         segmentation: Segmentation = "geom",
         fill: Fill = "far",
         sensor: DepthSensor | None = None,
-        shadows: bool = True,
-        samples: int = 1,
         scene_option: mujoco.MjvOption | None = None,
         movable: Movable = "bodies",
         device: DeviceLike = "cpu",
         threads: int | None = None,
+        **colors: Unpack[ColorOptions],
     ) -> None:
         """Wrap a vector environment: a SyncVectorEnv or an AsyncVectorEnv of environments of one model.
 
@@ -102,8 +101,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         chosen |= {"depth_range": depth_range, "objects": objects, "segmentation": segmentation}
         self._outputs = Outputs(model, **chosen, **shared)
         shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
-        shared |= {"shadows": shadows, "samples": samples}
-        self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared)
+        self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared, **colors)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
         self._fractions = VisibleFractions(self._batch.scene, threads)
         self._colors = shown_colors(model)
