@@ -70,6 +70,7 @@ _FREE = ((90.0, -45.0), (200.0, -20.0), (320.0, -60.0))
 """Azimuth and elevation of free cameras, in degrees; the first are MuJoCo's default."""
 _PLAIN = "REFLECTION", "HAZE", "SKYBOX", "FOG"
 _SHADOW_MAP = 8192  # [px]
+_MIN_PIXELS = 50  # of a geom that can be the worst one
 _EDGE = 8  # change of the darkness of shadows that is an edge, of 255
 KEYS = "mean", "pixel"
 Load = Callable[[], tuple[mujoco.MjModel, mujoco.MjData | None]]
@@ -256,7 +257,9 @@ def measure(
             row = {"model": name, "camera": title, "pixels": int(counts.sum()), "mean": np.nan, "pixel": np.nan}
             if counts.sum() > 100:
                 row["mean"], row["max"] = error[counts].mean(), error[counts].max()
-                worst = int(np.bincount(geoms[counts], error[counts], model.ngeom).argmax())
+                pixels = np.bincount(geoms[counts], minlength=model.ngeom)
+                means = np.bincount(geoms[counts], error[counts], model.ngeom) / np.maximum(pixels, _MIN_PIXELS)
+                worst = int(means.argmax())
                 seen = counts & (geoms == worst)
                 row["worst"] = f"{model.geom(worst).name or worst}: {error[seen].mean():.1f} of {seen.sum()} px"
             rows.append(row)

@@ -296,7 +296,7 @@ def test_mujoco_colors_materials_and_textures(tmp_path):
         assert (made["p"].specular, made["p"].shininess) == ((0.25,) * 3, 64)
         assert made["p"].texture.image.shape == (4, 8, 3)
         assert made["p"].texture is made["q"].texture
-        assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "uv")
+        assert (made["b"].base_color, made["b"].alpha_mode, made["b"].projection) == ((1, 0, 0, 0.5), "blend", "cube")
         assert (made["c"].projection, made["c"].texture_uniform) == ("cube", False)
         assert made["b"].texture.image.shape == (48, 8, 3)
         assert (made["s"].base_color, made["s"].texture) == ((0, 0, 1, 1), None)

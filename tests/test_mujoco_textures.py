@@ -13,7 +13,8 @@ from support.lights import picture
 
 SHAPES = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/>
 <quality offsamples="0" numslices="64" numstacks="32" numquads="8"/></visual>
-<asset><texture name="t" type="{kind}" builtin="flat" width="64" height="64"/><material name="m" texture="t" {more}/>
+<asset><texture name="t" type="{kind}" builtin="flat" width="{width}" height="{width}"/>
+<material name="m" texture="t" {more}/>
 <mesh name="plain" vertex="-.6 -.4 -.3 .6 -.4 -.3 0 .5 -.3 0 0 .6"/>
 <mesh name="own" vertex="-.6 -.4 -.3 .6 -.4 -.3 0 .5 -.3 0 0 .6" face="0 2 1 0 1 3 1 2 3 2 0 3"
 texcoord="0 0 1 0 .5 1 .5 .3"/><hfield name="h" nrow="3" ncol="3" elevation="0 0 0 0 1 0 0 0 0" size=".7 .5 .4 .1"/>
@@ -36,9 +37,22 @@ def model(kind, image, more, names):
     """Return a model of geoms in a row."""
     rows = enumerate(names)
     geoms = "".join(f'<geom name="{name}" pos="{2 * place} 0 0" {GEOMS[name]}/>' for place, name in rows)
-    made = mujoco.MjModel.from_xml_string(SHAPES.format(kind=kind, more=more, geoms=geoms))
+    made = mujoco.MjModel.from_xml_string(SHAPES.format(kind=kind, more=more, geoms=geoms, width=image.shape[1]))
     made.tex_data[:] = image.reshape(-1)
     return made
+
+
+def pictures(made, distance, device):
+    """Return MuJoCo's picture of a geom at the origin, and the image of a `BatchRenderer`, without shadows."""
+    data, camera = mujoco.MjData(made), mujoco.MjvCamera()
+    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0, 0, 0), distance, 160, -35
+    mujoco.mj_forward(made, data)
+    with mujoco.Renderer(made, 60, 80) as renderer:
+        renderer.update_scene(data, camera)
+        renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0
+        shown = renderer.render().astype(int)
+    batch = wv.mujoco.BatchRenderer(made, height=60, width=80, outputs=("color",), shadows=False, device=device)
+    return shown, batch.render(data, cameras=[camera]).color.numpy()[0].astype(int)
 
 
 def drawn(item, rays, eye):
@@ -115,25 +129,27 @@ def test_cube_textures_on_boxes_match_mujoco(forward):
 
 
 @pytest.mark.gl
+def test_small_cube_textures_on_boxes_match_mujoco(device):
+    """Mip levels of a side have texels of this side only, also where its size is not a power of two."""
+    image = np.zeros((6, 250, 250, 3), dtype=np.uint8)
+    image[:, 40:-40, 40:-40] = np.random.default_rng(2).integers(60, 255, (6, 1, 1, 3))
+    shown, color = pictures(model("cube", image, "", ["box"]), 8, device)
+    seen = (shown.max(axis=-1) > 0) & (color.max(axis=-1) > 0)
+    assert seen.sum() > 50
+    assert np.abs(color - shown)[seen].mean() < 3
+
+
+@pytest.mark.gl
 @pytest.mark.parametrize("more", ["", 'texuniform="true"'])
-@pytest.mark.parametrize("name", ["plain", "own", "sphere", "ellipsoid"])
+@pytest.mark.parametrize("name", ["plain", "own", "sphere", "ellipsoid", "box"])
 def test_cube_textures_match_mujoco(name, more, device):
     """MuJoCo does not scale meshes, and shows no cube map on meshes with texture coordinates."""
     image = np.random.default_rng(2).integers(60, 255, (12, 2, 3), dtype=np.uint8).repeat(32, 0).repeat(32, 1)
-    made, camera = model("cube", image, more, [name]), mujoco.MjvCamera()
-    camera.lookat[:], camera.distance, camera.azimuth, camera.elevation = (0, 0, 0), 2.5, 160, -35
-    data = mujoco.MjData(made)
-    mujoco.mj_forward(made, data)
-    with mujoco.Renderer(made, 60, 80) as renderer:
-        renderer.update_scene(data, camera)
-        renderer.scene.flags[int(mujoco.mjtRndFlag.mjRND_SHADOW)] = 0
-        picture = renderer.render().astype(int)
-    batch = wv.mujoco.BatchRenderer(made, height=60, width=80, outputs=("color",), shadows=False, device=device)
-    color = batch.render(data, cameras=[camera]).color.numpy()[0].astype(int)
-    seen = (picture.max(axis=-1) > 0) & (color.max(axis=-1) > 0)
+    shown, color = pictures(model("cube", image, more, [name]), 2.5, device)
+    seen = (shown.max(axis=-1) > 0) & (color.max(axis=-1) > 0)
     assert seen.sum() > 500
-    assert (len(np.unique(picture[seen], axis=0)) > 20) == (name != "own")
-    error = np.abs(color - picture).max(axis=-1)[seen]
+    assert (len(np.unique(shown[seen], axis=0)) > 20) == (name != "own")
+    error = np.abs(color - shown).max(axis=-1)[seen]
     assert np.mean(error <= 3) > 0.7  # as for boxes
     if name == "own":
         assert error.max() <= 3

@@ -162,7 +162,7 @@ class GeomAppearances:
         normals = self._normals(laid)() if laid is not None and laid.kind in _SMOOTH else None
         texture = self._texture(number) if number >= 0 else None
         mapping = self._mirroring(None if laid is None else laid.kind, material)
-        if number >= 0 and uv is None:
+        if number >= 0 and int(model.tex_type[number]) >= _CUBE:
             mapping |= {"projection": "cube", "texture_uniform": uniform}
             # The renderer scales built-in shapes, whose directions are those of a shape of unit size, but not meshes.
             if laid is not None and laid.kind in (*_MESHES, _GEOM.mjGEOM_HFIELD):
@@ -302,7 +302,7 @@ def _image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
 def _coordinates(
     model: mujoco.MjModel, number: int, repeat: NDArray[np.float64], laid: _Laid, *, uniform: bool
 ) -> NDArray[np.float32] | None:
-    """Return texture coordinates of a shape's triangle corners; None for a cube map looked up by direction."""
+    """Return texture coordinates of a shape's triangle corners; of a cube map, those of a box for the viewer, or None."""
     vertices, faces = laid.triangles()
     if int(model.tex_type[number]) >= _CUBE:
         square = len(set(laid.size.tolist())) == 1

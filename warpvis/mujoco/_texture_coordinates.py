@@ -60,7 +60,7 @@ def stored_uv(rows: NDArray[np.floating], size: Corners, repeat: Corners, *, uni
 def box_cube_uv(corners: Corners, size: Corners, width: int) -> NDArray[np.float32]:
     """Compute coordinates of six vertically stacked images of the given width, one for each side of a box.
 
-    OpenGL clamps them at their edges: coordinates end at the centers of the border texels.
+    They are for viewers without cube maps, and end at the centers of the border texels, so that sides do not mix.
     """
     unit = corners / size
     axis, sign = _sides(corners)

@@ -146,8 +146,8 @@ def _textures(looks: Iterable[Appearance]) -> Iterable[Texture]:
 
 
 def _is_shown(material: Material) -> bool:
-    """Return whether a browser can show a material's texture: those of directions and planes become mean colors."""
-    return material.texture is not None and material.projection == "uv"
+    """Return whether a browser can show a material's texture, given coordinates; others become mean colors."""
+    return material.texture is not None and material.projection != "plane"
 
 
 def _by_color(colors: NDArray[np.float32]) -> list[tuple[NDArray[np.int64], NDArray[np.float32]]]:
