@@ -302,7 +302,7 @@ def _image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
 def _coordinates(
     model: mujoco.MjModel, number: int, repeat: NDArray[np.float64], laid: _Laid, *, uniform: bool
 ) -> NDArray[np.float32] | None:
-    """Return texture coordinates of a shape's triangle corners; of a cube map, those of a box for the viewer, or None."""
+    """Return texture coordinates of a shape's corners; of a cube map, those of a box for the viewer, or None."""
     vertices, faces = laid.triangles()
     if int(model.tex_type[number]) >= _CUBE:
         square = len(set(laid.size.tolist())) == 1
