@@ -167,16 +167,15 @@ view = warpvis::Warp::uniform(view);
 
 
 def _make_kernel(
-    call: str, camera_type: type, rays_type: type, movable: bool, options: wp.ModuleBuildOptions
+    call: str, camera_type: type, rays_type: type, registers: int, options: wp.ModuleBuildOptions
 ) -> wp.Kernel:
     cast_packet = cast_function(call, camera_type, rays_type)
 
-    # More registers reduce occupancy too much; fewer cause too many spills.
     @wp.kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        cuda_max_registers=96 if movable else 80,
+        cuda_max_registers=registers,
         module_options={"extra_build_options": options},
     )
     def cast_packets_cuda(
@@ -232,7 +231,10 @@ def make_packet_kernel(
     """
     header, call = ("cuda/points.h", POINTS) if points else ("cuda/packets.h", PIXELS)
     options = native_options(header, side, with_id, movable, resized, clip=clip, points=points)
-    return _make_kernel(call, PinholeCamera, PointLists, movable, options)
+    registers = max_registers(movable)
+    if movable and side == 32 and not points:
+        registers = 128 if with_id else 80  # with ids, shared memory limits the occupancy
+    return _make_kernel(call, PinholeCamera, PointLists, registers, options)
 
 
 def make_ray_packet_kernel(
@@ -246,7 +248,12 @@ def make_ray_packet_kernel(
     options = native_options(
         "cuda/table.h", side, with_id, movable, resized, ray_table=True, points=points, origins=origins
     )
-    return _make_kernel(BUNDLE, RayRange, RayPackets, movable, options)
+    return _make_kernel(BUNDLE, RayRange, RayPackets, max_registers(movable), options)
+
+
+def max_registers(movable: bool) -> int:
+    """Return the number of registers of a thread: more reduce occupancy too much, and fewer cause too many spills."""
+    return 96 if movable else 80
 
 
 @wp.func_native(FIND_OBJECT)
