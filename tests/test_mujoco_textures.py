@@ -141,7 +141,7 @@ def test_small_cube_textures_on_boxes_match_mujoco(device):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("more", ["", 'texuniform="true"'])
-@pytest.mark.parametrize("name", ["plain", "own", "sphere", "ellipsoid", "box"])
+@pytest.mark.parametrize("name", ["plain", "own", "sphere", "ellipsoid", "box", "cylinder", "capsule"])
 def test_cube_textures_match_mujoco(name, more, device):
     """MuJoCo does not scale meshes, and shows no cube map on meshes with texture coordinates."""
     image = np.random.default_rng(2).integers(60, 255, (12, 2, 3), dtype=np.uint8).repeat(32, 0).repeat(32, 1)

@@ -168,6 +168,8 @@ class GeomAppearances:
             if laid is not None and laid.kind in (*_MESHES, _GEOM.mjGEOM_HFIELD):
                 stretch = tuple(laid.size.tolist()) if uniform else (1.0, 1.0, 1.0)
                 mapping |= {"texture_uniform": True, "texture_stretch": stretch}
+            elif laid is not None and laid.kind == _GEOM.mjGEOM_CAPSULE and not uniform:
+                mapping["texture_stretch"] = (1.0, 1.0, 1 + laid.size[0] / laid.size[1])  # of its straight part
         result = self._material(rgba, material, texture, mapping)
         return Appearance((result,), uv=uv, normals=normals, vertex_grid=grid)
 
