@@ -95,7 +95,7 @@ from reference_mujoco import (  # noqa: F401
     scale_sizes,
     viewer_transforms,
 )
-from reference_mujoco_appearances import light_switches, light_vectors, object_colors  # noqa: F401
+from reference_mujoco_appearances import light_shapes, light_switches, light_vectors, object_colors  # noqa: F401
 from reference_occupancy import (  # noqa: F401
     bound_surface,
     bound_tiles,

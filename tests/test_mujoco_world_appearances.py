@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 import reference_mujoco_appearances as reference
+import reference_shading
 import warp as wp
 
 import warpvis as wv
@@ -146,7 +147,13 @@ FIELDS = {
     "light_specular": lambda model, rng: rng.uniform(0, 1, (WORLDS, model.nlight, 3)),
     "light_attenuation": lambda model, rng: rng.uniform(0.3, 1, (WORLDS, model.nlight, 3)),
     "light_active": lambda model, rng: np.array([[True, False], [False, True], [False, False]]),
+    "light_type": lambda model, rng: np.array([[1, 0], [0, 2], [3, 1]], dtype=np.int32),
+    "light_cutoff": lambda model, rng: rng.uniform(10, 80, (WORLDS, model.nlight)),
+    "light_exponent": lambda model, rng: rng.uniform(0, 20, (WORLDS, model.nlight)),
 }
+
+
+LIGHT_SHAPES = ("light_type", "light_cutoff", "light_exponent", "light_attenuation", "light_active")
 
 
 def texid(model, numbers):
@@ -156,7 +163,7 @@ def texid(model, numbers):
 
 
 @pytest.mark.parametrize(
-    "names", [*((name,) for name in FIELDS), ("geom_matid", "mat_rgba", "mat_texid")], ids="-".join
+    "names", [*((name,) for name in FIELDS), ("geom_matid", "mat_rgba", "mat_texid"), LIGHT_SHAPES], ids="-".join
 )
 def test_fields_of_worlds(names, model, device):
     rng, states = np.random.default_rng(3), states_of(model)
@@ -169,6 +176,32 @@ def test_fields_of_worlds(names, model, device):
     some = batch.render(states, cameras="eye", model=fields, worlds=[2, 1]).color.numpy()
     np.testing.assert_array_equal(some, views.color.numpy()[[2, 1]])
     np.testing.assert_array_equal(batch.render(states, cameras="eye").color.numpy(), plain)
+
+
+def test_shapes_of_lights_agree_with_double_precision(device):
+    """Spots, points, directional and image lights of worlds, with and without light of the last resort."""
+    lights = "".join(f'<light pos="{x} -.5 1.5" dir="{-x} .3 -1"/>' for x in (0.6, -0.6))
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><visual><headlight active="0"/></visual><worldbody>{lights}
+    <camera name="eye" pos="0 -2.5 1.6" xyaxes="1 0 0 0 .5 1"/><geom type="plane" size="2 2 .1" rgba=".7 .6 .5 1"/>
+    <geom type="box" size=".3 .2 .3" pos="0 .2 .3" rgba=".3 .6 .8 1"/></worldbody></mujoco>""")
+    data, rng = mujoco.MjData(model), np.random.default_rng(8)
+    mujoco.mj_forward(model, data)
+    fields = {
+        "light_type": np.array([[0, 1], [2, 3], [1, 0], [3, 0]], dtype=np.int32),
+        "light_active": np.array([[True, True], [True, True], [True, True], [True, False]]),
+        "light_cutoff": rng.uniform(20, 60, (4, 2)),
+        "light_exponent": rng.uniform(0, 9, (4, 2)),
+        "light_attenuation": rng.uniform(0.2, 0.8, (4, 2, 3)),
+    }
+    batch = batch_of(model, device, outputs=("color", "points", "normals", "segmentation"), shadows=False)
+    views = batch.render([data] * 4, cameras="eye", model=fields)
+    materials = [item.appearance.materials[0] for item in batch.scene.objects]
+    of_worlds = [list(wv.mujoco.lights_from_mujoco(with_fields(model, fields, world), data)) for world in range(4)]
+    assert [len(lights) for lights in of_worlds] == [2, 2, 2, 1] and of_worlds[3][0].kind == "ambient"
+    poses = np.tile(wv.mujoco.camera_poses(data, model, [0]), (4, 1))
+    expected = reference_shading.shade_lit_colors(of_worlds, materials, poses, views)
+    difference = np.abs(views.color.numpy() - expected).max(axis=-1)
+    assert (difference <= 1).mean(axis=(1, 2)).min() > 0.998  # pixels at the edges of cones
 
 
 def test_light_places_of_worlds(model, device):
@@ -298,7 +331,9 @@ def test_emission_differs_between_worlds(model, device):
         ({"light_diffuse": np.full((1, 2, 3), np.nan)}, "light_diffuse must be finite"),
         ({"mat_texid": np.full((1, 4, 10), 9)}, "mat_texid must be from -1 to 2, got 9 to 9"),
         ({"geom_matid": np.full((1, 5), 9)}, "geom_matid must be from -1 to 3, got 9"),
-        ({"light_type": np.full((1, 2), 2)}, "light_type must equal that of the renderer's model"),
+        ({"light_type": np.full((1, 2), 4)}, "light_type must be from 0 to 3, of mujoco.mjtLightType, got 4 to 4"),
+        ({"light_cutoff": np.full((3, 2), np.inf)}, "light_cutoff must be finite, got inf at index 0 in world 0"),
+        ({"light_castshadow": np.zeros((1, 2))}, "light_castshadow must equal that of the renderer's model"),
         ({"mat_specular": np.ones((1, 4))}, "mat_specular must equal that of the renderer's model"),
         ({"mat_emission": np.ones((1, 3))}, r"mat_emission must have shape \(W, 4\), got"),
         ({"light_color": np.ones((1, 2))}, "model must have keys among"),
@@ -340,11 +375,22 @@ def test_kernels_match_reference(model, device):
     inputs = [wp.array(rows, dtype=kind, device=device) for rows, kind in types]
     wp.launch(kernels.light_vectors, (3, 3), [*inputs, 0.0, found], device=device)
     np.testing.assert_array_equal(found.numpy(), reference.light_vectors(values, own, worlds, lights, 0.0))
-    active = rng.random((2, 4)) > 0.5
-    for ids in ([-1, 3, 0], [3, 1, -2], [2, -2]):
+    active, kinds = rng.random((2, 4)) > 0.5, np.array([[0, 1, 2, 3], [2, 2, 0, 1], [1, 2, 0, 0]], dtype=np.int32)
+    for ids in ([-1, 3, 0], [3, 1, -2], [2, -2], [0, 1, 2, 3, -2]):
         numbers = np.array(ids, dtype=np.int32)
         found = wp.zeros((3, len(ids)), dtype=float, device=device)
         inputs = [wp.array(active, dtype=wp.bool, device=device)]
-        inputs += [wp.array(rows, dtype=wp.int32, device=device) for rows in (worlds, numbers)]
+        inputs += [wp.array(rows, dtype=wp.int32, device=device) for rows in (kinds, worlds, numbers)]
         wp.launch(kernels.light_switches, 3, [*inputs, found], device=device)
-        np.testing.assert_array_equal(found.numpy(), reference.light_switches(active, worlds, numbers))
+        np.testing.assert_array_equal(found.numpy(), reference.light_switches(active, kinds, worlds, numbers))
+    cutoffs = np.array([[-5, 40, 180, 200], [30, 0, 179.9, 90]], dtype=np.float32)
+    exponents, lights = rng.normal(size=(1, 4)).astype(np.float32), np.array([-1, 2, 0, 3, 1, -2], dtype=np.int32)
+    own = np.array([4, 3, 3, 3, 3, 0], dtype=np.int32)
+    out = [wp.zeros((3, 6), dtype=dtype, device=device) for dtype in (wp.int32, wp.vec2, wp.vec3)]
+    types = [(kinds, wp.int32), (cutoffs, float), (exponents, float), (values, wp.vec3)]
+    types += [(rows, wp.int32) for rows in (worlds, lights, own)]
+    inputs = [wp.array(rows, dtype=kind, device=device) for rows, kind in types]
+    wp.launch(kernels.light_shapes, (3, 6), [*inputs, *out], device=device)
+    for found, wanted in zip(out, reference.light_shapes(*(rows for rows, _ in types)), strict=True):
+        np.testing.assert_allclose(found.numpy(), wanted, rtol=1e-6)
+    assert (out[1].numpy()[1, 1, 0] == np.float32(np.pi)).all()  # 180 degrees is a point light

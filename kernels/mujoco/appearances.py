@@ -7,6 +7,8 @@ import warp as wp
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 NO_LIGHT, LAST_RESORT = wp.constant(-1), wp.constant(-2)  # headlights, and light of models without others
+TYPE_SPOT, TYPE_DIRECTIONAL, TYPE_POINT = wp.constant(0), wp.constant(1), wp.constant(2)  # mujoco.mjtLightType
+LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT = wp.constant(1), wp.constant(2), wp.constant(3)
 
 
 @wp.func
@@ -75,21 +77,65 @@ def light_vectors(
 def light_switches(
     # In:
     active: wp.array2d[wp.bool],
+    types: wp.array2d[wp.int32],
     worlds: wp.array[wp.int32],
     lights: wp.array[wp.int32],
     # Out:
     intensities_out: wp.array2d[float],
 ):
-    """Write 1 for lights that are on in a world and 0 for others; light of the last resort is on without them."""
+    """Write 1 for lights that are on in a world and 0 for others, such as image lights.
+
+    Light of the last resort is on in worlds that have point lights at most.
+    """
     row = wp.tid()
-    world = worlds[row] % active.shape[0]
+    world = worlds[row]
     others = int(0)
     for column in range(lights.shape[0]):
-        is_on = bool(lights[column] == NO_LIGHT)
-        if lights[column] >= 0:
-            is_on = active[world, lights[column]]
-        if lights[column] == LAST_RESORT:
+        is_on, light = bool(lights[column] == NO_LIGHT), lights[column]
+        is_counted = bool(is_on)
+        if light >= 0:
+            kind = types[world % types.shape[0], light]
+            is_on = active[world % active.shape[0], light] and kind >= TYPE_SPOT and kind <= TYPE_POINT
+            is_counted = is_on and kind != TYPE_POINT
+        if light == LAST_RESORT:
             is_on = others == 0
         intensities_out[row, column] = wp.where(is_on, 1.0, 0.0)
-        if is_on:
+        if is_counted:
             others += 1
+
+
+@wp.kernel
+def light_shapes(
+    # In:
+    types: wp.array2d[wp.int32],
+    cutoffs: wp.array2d[float],
+    exponents: wp.array2d[float],
+    attenuations: wp.array2d[wp.vec3],
+    worlds: wp.array[wp.int32],
+    lights: wp.array[wp.int32],
+    original: wp.array[wp.int32],
+    # Out:
+    kinds_out: wp.array2d[wp.int32],
+    cones_out: wp.array2d[wp.vec2],
+    attenuations_out: wp.array2d[wp.vec3],
+):
+    """Write kinds, cones and attenuations of selected lights in selected worlds; only spots have the latter two.
+
+    Lights without an id are of the `original` kind.
+    """
+    row, column = wp.tid()
+    world, light = worlds[row], lights[column]
+    kind = int(original[column])
+    cone, attenuation = wp.vec2(wp.PI, 0.0), wp.vec3(1.0, 0.0, 0.0)
+    if light >= 0:
+        found = types[world % types.shape[0], light]
+        kind = wp.where(found == TYPE_DIRECTIONAL, LIGHT_DIRECTIONAL, LIGHT_POINT)
+        if found == TYPE_SPOT:
+            kind = LIGHT_SPOT
+            cutoff = cutoffs[world % cutoffs.shape[0], light]
+            angle = wp.where(cutoff < 180.0, wp.radians(wp.max(cutoff, 0.0)), wp.PI)
+            cone = wp.vec2(angle, wp.max(exponents[world % exponents.shape[0], light], 0.0))
+            attenuation = wp.max(attenuations[world % attenuations.shape[0], light], wp.vec3(0.0, 0.0, 0.0))
+    kinds_out[row, column] = kind
+    cones_out[row, column] = cone
+    attenuations_out[row, column] = attenuation

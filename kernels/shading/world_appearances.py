@@ -8,6 +8,7 @@ from warpvis.kernels.shading.lighting import DeviceLight
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
+LIGHT_DIRECTIONAL = wp.constant(1)
 CONVERTS = wp.constant(1)  # colors of the light are converted to linear space
 FOLLOWS = wp.constant(2)  # highlights have the light's color
 
@@ -31,6 +32,8 @@ class LightFields:
     specular: wp.array2d[wp.vec3]
     intensity: wp.array2d[float]
     attenuation: wp.array2d[wp.vec3]
+    kind: wp.array2d[wp.int32]  # directional lights then come from the plane through their position, as in MuJoCo
+    cone: wp.array2d[wp.vec2]  # outer angle of a spot [rad], and its exponent
 
 
 @wp.func
@@ -81,6 +84,14 @@ def write_lights(
     attenuation = vector_of(fields.attenuation, world, number, light.attenuation)
     if wp.length(attenuation) == 0.0:
         attenuation = wp.vec3(1.0, 0.0, 0.0)
+    if fields.kind:
+        light.kind = fields.kind[world % fields.kind.shape[0], number]
+        light.shadow_plane = light.kind == LIGHT_DIRECTIONAL
+    if fields.cone:
+        cone = fields.cone[world % fields.cone.shape[0], number]
+        light.outer_angle = cone[0]
+        light.cos_outer = wp.cos(cone[0])
+        light.exponent = cone[1]
     light.attenuation = attenuation
     light.position = vector_of(fields.position, world, number, light.position)
     light.direction = direction

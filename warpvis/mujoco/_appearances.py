@@ -376,15 +376,15 @@ def model_lights(
 ) -> tuple[Light, ...]:
     """Return a model's active lights at their places, by default at its initial state; the headlight comes first.
 
-    Image lights are omitted. MuJoCo's renderer does not draw point lights, either. With `inactive`, inactive lights are
-    among them, with an intensity of 0.
+    Image lights are omitted. MuJoCo's renderer does not draw point lights, either. With `inactive`, inactive lights and
+    image lights are among them, with an intensity of 0.
     """
     numbers = [number for number in light_ids(model, inactive=inactive) if number >= 0]
     check_light_numbers(model, numbers)
     found = [_headlight(model)] if model.vis.headlight.active else []
     if numbers:
         places = _initial_places(model) if places is None else places
-        found += [_light(model, places, number, _KINDS[int(model.light_type[number])]) for number in numbers]
+        found += [_light(model, places, number) for number in numbers]
     is_lit = any(light.kind != "point" and light.intensity for light in found)
     if not is_lit or (inactive and not model.vis.headlight.active):
         found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT, intensity=0.0 if is_lit else 1.0))
@@ -396,7 +396,7 @@ def light_ids(model: mujoco.MjModel, *, inactive: bool = False) -> list[int]:
     numbers = [
         number
         for number in range(model.nlight)
-        if int(model.light_type[number]) in _KINDS and (inactive or model.light_active[number])
+        if inactive or (int(model.light_type[number]) in _KINDS and model.light_active[number])
     ]
     return [-1] * bool(model.vis.headlight.active) + numbers
 
@@ -473,9 +473,10 @@ def _headlight(model: mujoco.MjModel) -> Light:
     )
 
 
-def _light(model: mujoco.MjModel, data: LightPlaces, number: int, kind: LightKind) -> Light:
+def _light(model: mujoco.MjModel, data: LightPlaces, number: int) -> Light:
     """Return one light; only spotlights have an attenuation and a cone (`initLights` in render_gl3.c)."""
-    spot = kind == "spot"
+    known = _KINDS.get(int(model.light_type[number]))
+    kind, spot = known or "point", known == "spot"
     attenuation = np.maximum(model.light_attenuation[number], 0)
     direction = data.light_xdir[number]
     return Light(
@@ -489,7 +490,7 @@ def _light(model: mujoco.MjModel, data: LightPlaces, number: int, kind: LightKin
         attenuation=tuple(attenuation.tolist()) if spot and attenuation.any() else (1.0, 0.0, 0.0),
         outer_angle=min(max(math.radians(float(model.light_cutoff[number])), 0.0), math.pi) if spot else math.pi,
         exponent=max(0.0, float(model.light_exponent[number])) if spot else 0.0,
-        intensity=float(bool(model.light_active[number])),
+        intensity=float(known is not None and bool(model.light_active[number])),
         cast_shadow=bool(model.light_castshadow[number]),
         shadow_plane=kind == "directional",
     )

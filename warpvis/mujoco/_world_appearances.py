@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -20,15 +20,18 @@ from warpvis.mujoco._model_fields import AppearanceWatch
 from warpvis.mujoco._poses import PoseSource
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.mujoco._world_models import COLOR_FIELDS, TEXTURE_FIELDS, WorldModels
+from warpvis.scene.lights import LightKind
 from warpvis.scene.world_appearances import DeviceAppearances, WorldAppearances, parse_appearances
 
 _FOLLOWED = (*COLOR_FIELDS, *TEXTURE_FIELDS)
-_LIGHT_VECTORS = {
-    "light_diffuse": "color",
-    "light_ambient": "ambient",
-    "light_specular": "specular",
-    "light_attenuation": "attenuation",
+_LIGHT_VECTORS = {"light_diffuse": "color", "light_ambient": "ambient", "light_specular": "specular"}
+_LIGHT_SHAPES = {
+    "light_type": wp.int32,
+    "light_cutoff": wp.float32,
+    "light_exponent": wp.float32,
+    "light_attenuation": wp.vec3,
 }
+_LAST_TYPE = int(mujoco.mjtLightType.mjLIGHT_IMAGE)
 _MAX_UPLOADED = 64
 _FIXED = int(mujoco.mjtCamLight.mjCAMLIGHT_FIXED)
 
@@ -176,10 +179,10 @@ class ModelAppearances:
         self, source: PoseSource, models: WorldModels | None, worlds: tuple[NDArray[np.int32], NDArray[np.int32]]
     ) -> dict[str, wp.array]:
         """Return the fields of lights that differ between worlds, by the names of `LightFields`."""
-        from warpvis.kernels.mujoco.appearances import LAST_RESORT, light_switches
+        from warpvis.kernels.mujoco.appearances import LAST_RESORT, light_shapes, light_switches
 
         scene, model = self._mujoco_scene.scene, self._model
-        if models is not None and models.has("light_active") and not self._with_inactive:
+        if models is not None and models.has("light_active", "light_type") and not self._with_inactive:
             self._with_inactive = True
             self._set_lights()
         if scene.lights is not self._lights or not model.nlight:
@@ -198,28 +201,40 @@ class ModelAppearances:
         for name, field in _LIGHT_VECTORS.items():
             if models.has(name):
                 fields[field] = self._vectors(models.value(name), name, field, numbers, worlds[1])
-        if models.has("light_active"):
-            active, device = models.value("light_active"), scene.device
-            active = (
-                as_warp(active, wp.bool, ("W", model.nlight), name="light_active", device=device)
-                if on_gpu(active)
-                else wp.array(np.asarray(active, dtype=bool), dtype=wp.bool, device=device)
-            )
-            out = wp.empty((len(worlds[1]), len(ids)), dtype=wp.float32, device=device)
-            rows = [self._upload(part, wp.int32) for part in (worlds[1], numbers)]
-            launch(light_switches, len(out), [active, *rows, out], device)
-            fields["intensity"] = out
+        rows = [self._upload(part, wp.int32) for part in (worlds[1], numbers)]
+        shape, device = (len(worlds[1]), len(ids)), scene.device
+        if models.has("light_active", "light_type"):
+            fields["intensity"] = wp.empty(shape, dtype=wp.float32, device=device)
+            inputs = [self._field(models, "light_active", wp.bool), self._field(models, "light_type", wp.int32)]
+            launch(light_switches, shape[0], [*inputs, *rows, fields["intensity"]], device)
+        if models.has(*_LIGHT_SHAPES):
+            inputs = [self._field(models, name, dtype) for name, dtype in _LIGHT_SHAPES.items()]
+            kinds = np.array([get_args(LightKind).index(light.kind) for light in scene.lights], dtype=np.int32)
+            outputs = {"kind": wp.int32, "cone": wp.vec2, "attenuation": wp.vec3}
+            fields |= {name: wp.empty(shape, dtype=dtype, device=device) for name, dtype in outputs.items()}
+            inputs += [*rows, self._upload(kinds, wp.int32), *(fields[name] for name in outputs)]
+            launch(light_shapes, shape, inputs, device)
         return fields
+
+    def _field(self, models: WorldModels, name: str, dtype: type) -> wp.array:
+        """Return a field of the model's lights in one world or all."""
+        value, device = models.value(name), self._mujoco_scene.scene.device
+        if on_gpu(value):
+            return as_warp(value, dtype, ("W", self._model.nlight), name=name, device=device)
+        if name == "light_type" and value.size and not (value.min() >= 0 and value.max() <= _LAST_TYPE):
+            raise ArrayError(
+                f"light_type must be from 0 to {_LAST_TYPE}, of mujoco.mjtLightType, got {value.min()} to {value.max()}"
+            )
+        rows = np.ascontiguousarray(value, dtype=wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype)))
+        return wp.array(rows, dtype=dtype, device=device) if models.has(name) else self._upload(rows, dtype)
 
     def _vectors(
         self, values: Any, name: str, field: str, lights: NDArray[np.int32], worlds: NDArray[np.int32]
     ) -> wp.array:
         """Return a field of the scene's lights in some worlds, ``(worlds, lights)`` vec3."""
-        from warpvis.kernels.mujoco.appearances import NO_LIGHT, light_vectors
+        from warpvis.kernels.mujoco.appearances import light_vectors
 
         scene, device = self._mujoco_scene.scene, self._mujoco_scene.scene.device
-        if field == "attenuation":  # only that of spots is used
-            lights = np.where([light.kind == "spot" for light in scene.lights], lights, int(NO_LIGHT))
         own = [
             light.color if field == "specular" and light.specular is None else getattr(light, field)
             for light in scene.lights

@@ -24,12 +24,12 @@ POSE_FIELDS = (
 """Fields that determine poses for given joint positions; given poses already include them."""
 COLOR_FIELDS = {"geom_rgba": wp.vec4, "geom_matid": wp.int32, "mat_rgba": wp.vec4}
 TEXTURE_FIELDS = ("mat_texid",)
-_LIGHT_FIELDS = ("light_active", "light_diffuse", "light_ambient", "light_specular", "light_attenuation")
-# Properties that all worlds share, if colors are rendered.
-_SHARED_LOOKS = (
-    *("light_type", "light_castshadow", "light_cutoff", "light_exponent", "mat_texrepeat", "mat_texuniform"),
-    *("mat_specular", "mat_shininess"),
+_LIGHT_FIELDS = (
+    *("light_active", "light_type", "light_cutoff", "light_exponent", "light_attenuation"),
+    *("light_diffuse", "light_ambient", "light_specular"),
 )
+# Properties that all worlds share, if colors are rendered.
+_SHARED_LOOKS = (*("light_castshadow", "mat_texrepeat", "mat_texuniform", "mat_specular", "mat_shininess"),)
 # Worlds share meshes and lenses, so these fields must be equal.
 _SHARED_FIELDS = ("geom_dataid", "cam_intrinsic")
 _KNOWN = (*POSE_FIELDS, "cam_fovy", *COLOR_FIELDS, *TEXTURE_FIELDS, "mat_emission", *_LIGHT_FIELDS, "geom_size")
