@@ -225,6 +225,7 @@ def top_cases(folder):
                 "label_names": {9: "shelf"},
                 "search_path": [],
                 "strict": False,
+                "show_environment": True,
                 "movable": None,
             },
         ),

@@ -3,6 +3,7 @@
 """Lights and backgrounds read from MuJoCo, glTF and Webots, and compared with MuJoCo's pictures."""
 
 import copy
+import io
 import pickle
 import warnings
 
@@ -13,6 +14,7 @@ import trimesh
 from gltf_files import GltfWriter
 from PIL import Image
 from reference_shading import to_linear, to_screen
+from scipy.spatial.transform import Rotation
 
 import warpvis as wv
 from warpvis.errors import SceneError
@@ -298,6 +300,84 @@ def test_gltf_image_based_light_is_ambient(tmp_path):
     basis += [0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y)]
     irradiance = (np.stack(basis, axis=-1) @ rows).mean(axis=0)
     np.testing.assert_allclose(light.ambient, 3 * irradiance / np.pi, rtol=5e-3)
+
+
+def with_sky(faces, **more):
+    """Return a glTF file whose image-based light has six images as PNG."""
+    light = {"irradianceCoefficients": [[0, 0, 0]] * 9, "specularImages": [list(range(6)), [0] * 6], **more}
+    writer = GltfWriter(extensions={"EXT_lights_image_based": {"lights": [light]}}, images=[])
+    writer.node(writer.primitive([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]))
+    for face in faces:
+        buffer = io.BytesIO()
+        Image.fromarray(face).save(buffer, "png")
+        writer.content["images"].append({"bufferView": writer.view(buffer.getvalue()), "mimeType": "image/png"})
+    return writer.bytes(extensions={"EXT_lights_image_based": {"light": 0}})
+
+
+def sky_colors(path, directions):
+    """Return the colors of a file's background in directions of the file's frame."""
+    scene = wv.Scene.load(path, show_environment=True, up="y")
+    camera = wv.Camera.from_fov(1, 1, hfov=1e-3)
+    eye = np.array([9.0, 9, 9])
+    up = ["z" if abs(direction[1]) > 0.99 else "y" for direction in directions]
+    poses = [wv.look_at(eye, eye + direction, up=axis) for direction, axis in zip(directions, up, strict=True)]
+    views = wv.render(scene, camera, poses, outputs=("color", "segmentation"))
+    assert (views.segmentation.numpy() == -1).all()
+    return views.color.numpy()[:, 0, 0]
+
+
+def test_images_of_an_image_based_light_are_a_sky_on_request(tmp_path, device):
+    """Faces +x, -x, +y, -y, +z, -z are in their directions, also in a scene with z up."""
+    colors = np.array([[255, 0, 0], [0, 255, 255], [0, 255, 0], [255, 0, 255], [0, 0, 255], [255, 255, 0]])
+    faces = [np.tile(color.astype(np.uint8), (4, 4, 1)) for color in colors]
+    (tmp_path / "a.glb").write_bytes(with_sky(faces))
+    axes = np.repeat(np.eye(3), 2, axis=0) * np.tile([1, -1], 3)[:, None]
+    np.testing.assert_array_equal(sky_colors(tmp_path / "a.glb", axes), colors)
+    assert wv.Scene.load(tmp_path / "a.glb").background is None
+    upright = wv.Scene.load(tmp_path / "a.glb", show_environment=True, device=device)
+    pose = wv.look_at((0, 0, 5), (0, -1, 5))  # +z of the file is -y of a scene with z up
+    camera = wv.Camera.from_fov(1, 1, hfov=1e-3)
+    assert wv.render(upright, camera, pose, outputs=("color",)).color.numpy()[0, 0, 0].tolist() == [0, 0, 255]
+
+
+def test_environment_is_rotated_scaled_and_unpacked(tmp_path):
+    """Directions are looked up as OpenGL does, with the first row of an image at the top."""
+    rng = np.random.default_rng(2)
+    blocks = rng.integers(20, 200, (6, 2, 2, 4), dtype=np.uint8)
+    blocks[..., 3] = np.where(rng.random((6, 2, 2)) < 0.5, 255, 128)
+    rotation = Rotation.from_rotvec([0.3, -0.8, 0.5])
+    (tmp_path / "a.glb").write_bytes(
+        with_sky(
+            np.kron(blocks, np.ones((1, 8, 8, 1), dtype=np.uint8)), intensity=0.7, rotation=rotation.as_quat().tolist()
+        )
+    )
+    inside = rng.uniform(-0.9, 0.9, (40, 3))
+    inside[np.abs(inside) < 0.15] = 0.3  # not between blocks
+    axis, sign = rng.integers(0, 3, 40), rng.choice([-1.0, 1.0], 40)
+    inside[np.arange(40), axis] = sign
+    x, y, z = inside.T
+    face = 2 * axis + (sign < 0)
+    u = np.choose(face, [-z, z, x, x, x, -x])  # to the right, and v upwards: OpenGL 4.6, table 8.19
+    v = np.choose(face, [y, y, -z, z, y, y])
+    stored = blocks[face, (v < 0).astype(int), (u > 0).astype(int)] / 255
+    expected = 255 * to_screen(np.minimum(0.7 * to_linear(stored[:, :3]) / stored[:, 3:], 1))
+    found = sky_colors(tmp_path / "a.glb", rotation.apply(inside / np.linalg.norm(inside, axis=1, keepdims=True)))
+    assert np.abs(found - expected).max() <= 1
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"specularImages": [[0, 1]]}, "six squares of equal size"),
+        ({"specularImages": []}, "index out of range"),
+        ({"rotation": [0, 0, 0, 0]}, "must be a quaternion"),
+    ],
+)
+def test_invalid_environment_is_left_out(tmp_path, more, message):
+    (tmp_path / "a.glb").write_bytes(with_sky(np.zeros((6, 4, 4, 3), dtype=np.uint8), **more))
+    with pytest.warns(UserWarning, match=rf"a\.glb: left out the sky of the scene \(.*{message}"):
+        scene = wv.Scene.load(tmp_path / "a.glb", show_environment=True)
+    assert scene.background is None
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,8 @@ class SceneOptions:
     """Folders to search for referenced files: PROTO files, meshes, packages, includes."""
     strict: bool = False
     """Treat unsupported content as an error; by default a warning lists it."""
+    show_environment: bool = False
+    """Show the images of a glTF file's image-based light behind surfaces in color images."""
 
     def label_rules(self) -> LabelRules:
         """Parse --labels and --label-names."""
@@ -112,6 +114,7 @@ class SceneOptions:
             movable=movable,
             search_path=self.folders(),
             strict=self.strict,
+            show_environment=self.show_environment,
         )
 
 

@@ -106,7 +106,7 @@ class Render(ImageOptions):
                 f"give --poses, a file of camera poses, or --frame: {self.file} is not a Webots world with cameras"
             )
         else:
-            scene = ("labels", "label_names", "up", "scale", "file_up", "exclude", "objects")
+            scene = ("labels", "label_names", "up", "scale", "file_up", "show_environment", "exclude", "objects")
             refuse_options(self, (*_FRAMES, *_IMAGES, "format", *scene), "a world's devices have their own poses: give")
             self._render_world()
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.types import Json
 from warpvis.io._gltf_data import DRACO, MESHOPT, Find, GltfData, decode_draco
-from warpvis.io._gltf_lights import image_based_light, node_light
+from warpvis.io._gltf_lights import image_based_light, image_based_sky, node_light
 from warpvis.io._gltf_materials import GltfMaterials, Locate
 from warpvis.io._gltf_placements import (
     INSTANCES,
@@ -36,7 +37,7 @@ from warpvis.io._gltf_placements import (
 )
 from warpvis.scene import Part
 from warpvis.scene.appearances import FileNormals
-from warpvis.scene.lights import Light
+from warpvis.scene.lights import Background, Light
 from warpvis.scene.normals import transform_normals
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -65,6 +66,8 @@ class FileMeshes:
     lights: list[Light] = field(default_factory=list)
     unlit: list[str] = field(default_factory=list)
     """Lights that cannot be read, and why, as parts of a sentence. Not an error even with ``strict``."""
+    sky: Callable[[], Background | None] | None = None
+    """Reads a sky that viewers of the format do not show by default."""
     up: str | None = None  # the file's vertical axis, if defined by its format or the file
 
 
@@ -78,7 +81,9 @@ def read_gltf(name: str, file: bytes, find: Find, locate: Locate) -> FileMeshes:
     unread = [name for name in data.names("extensionsRequired") if name not in _READ and not _HARMLESS.match(name)]
     if unread:
         raise ValueError(f"it requires the extension {unread[0]}, which is not supported")
-    found, shapes = FileMeshes(up="y"), _Shapes(data, GltfMaterials(name, data, locate), FileNormals(name))
+    materials = GltfMaterials(name, data, locate)
+    found, shapes = FileMeshes(up="y"), _Shapes(data, materials, FileNormals(name))
+    found.sky = partial(image_based_sky, name, data, materials.image)
     found.lights += image_based_light(data, found.unlit)
     places = []
     for index, node, placement in nodes_in_order(data):

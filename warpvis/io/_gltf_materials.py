@@ -115,7 +115,7 @@ class GltfMaterials:
         extensions = entry.get("extensions") or {}
         alternatives = [extensions[name]["source"] for name in _SOURCES if name in extensions]
         number = entry.get("source", *alternatives[:1]) if alternatives else entry.get("source")
-        source, name = self._image(number)
+        source, name = self.image(number)
         self._textures[key] = Texture(
             source,
             name,
@@ -126,7 +126,8 @@ class GltfMaterials:
         )
         return self._textures[key]
 
-    def _image(self, number: Any) -> tuple[Path | bytes, str]:
+    def image(self, number: Any) -> tuple[Path | bytes, str]:
+        """Return the file or the bytes of an image, and its name; no bytes if it is missing."""
         if number is None:
             return b"", "a texture without an image"
         entry = self._data.one("images", number)

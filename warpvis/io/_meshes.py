@@ -73,7 +73,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         messages.append(f"{path}: left out the lights of {', '.join(loaded.unlit[:_MAX_NAMED])}")
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
     classes, lights = _classes(path, parts), tuple(loaded.lights)
-    return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights)
+    return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights, sky=loaded.sky)
 
 
 def _classes(path: Path, parts: Sequence[Part]) -> LabelRules:
@@ -160,6 +160,7 @@ def _load_archive(path: Path) -> FileMeshes:
         combined.notes += loaded.notes
         combined.lights += loaded.lights
         combined.unlit += loaded.unlit
+        combined.sky = combined.sky or loaded.sky
         axes[loaded.up] = member
     if len(axes) > 1:
         both = " and ".join(map(repr, list(axes.values())[:2]))

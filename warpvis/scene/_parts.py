@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import fnmatch
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -94,6 +94,8 @@ class FileParts:
     """Its lights, in the file's frame and unit."""
     background: Background | None = None
     """Its background, in the file's frame."""
+    sky: Callable[[], Background | None] | None = None
+    """Reads a background that is shown on request only, in the file's frame."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts: `up` if given."""

@@ -105,6 +105,7 @@ class Scene:
         movable: bool | Sequence[str] = False,
         search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
+        show_environment: bool = False,
     ) -> Scene:
         """Load a scene from a file: OBJ, STL, PLY, GLB and other formats of trimesh, Webots worlds, MJCF, or URDF.
 
@@ -131,6 +132,8 @@ class Scene:
             search_path: Folders to search for other files that the file references: PROTO files and meshes of Webots,
                 meshes and includes of MJCF, packages and meshes of URDF, buffers of glTF.
             strict: Whether unsupported content is an error. By default it is skipped, and a warning lists it.
+            show_environment: Whether the images of an image-based light of glTF (EXT_lights_image_based) are the
+                background, too. By default it only lights the scene, as in common viewers.
 
         Raises:
             FileFormatError: If the file is missing, does not parse, or contains an invalid mesh, or if it has
@@ -143,6 +146,8 @@ class Scene:
             check_up(up)
         rules = LabelRules.of(labels, label_names)
         found = read_parts(path, search_path=search_path, strict=strict)
+        if check_flag(show_environment, "show_environment", SceneError) and found.sky is not None:
+            found = replace(found, background=found.sky() or found.background)
         scene = cls(device=device, up=found.scene_up(up))
         scene.add_parts(found, rules, file_up=file_up, scale=scale, movable=movable)
         for message in found.warnings:
