@@ -91,6 +91,7 @@ def sample_level(level, uv, texture, space):
 def sample(texture, uv, across, below, space):
     """Return the color at `uv`, where `across` and `below` are the offsets to the adjacent pixels."""
     levels = texture_levels(texture, space == "linear" and texture.color_space == "srgb")
+    levels = levels if texture.mipmaps else levels[:1]
     size = np.array(levels[0].shape[1::-1])
     longest = max(np.linalg.norm(across * size), np.linalg.norm(below * size))
     level = 0.0

@@ -48,6 +48,8 @@ def appearances():
     made["nearest"] = Appearance((Material(texture=Texture(NOISE, filter="nearest")),), uv=uv_of(faces, 4, 0.1))
     fine = rng.integers(0, 256, (256, 256, 4), dtype=np.uint8)
     made["fine"] = Appearance((Material(texture=Texture(fine)),), uv=uv_of(faces, 5))
+    unfiltered = Material(texture=Texture(fine, mipmaps=False))
+    made["fine without mip maps"] = Appearance((unfiltered,), uv=uv_of(faces, 5, 0.2))
     material = Material(texture=Texture(NOISE), texture_repeat=(3.0, 0.5))
     made["repeated, of vertices"] = Appearance((material,), uv=rng.uniform(0, 1, (len(vertices), 2)))
     colors = rng.integers(0, 256, (len(vertices), 4), dtype=np.uint8)

@@ -52,6 +52,13 @@ def test_gltf_factors_and_texture(tmp_path):
     np.testing.assert_array_equal(found.uv, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))  # v points up
 
 
+@pytest.mark.parametrize(("filter", "has_mipmaps"), [(9728, False), (9729, False), (9985, True), (9987, True)])
+def test_gltf_samplers_choose_mip_maps(tmp_path, filter, has_mipmaps):
+    writer = triangle({"index": 0})
+    writer.content["samplers"][0]["minFilter"] = filter
+    assert appearance(tmp_path, writer).materials[0].texture.mipmaps is has_mipmaps
+
+
 def test_gltf_second_uv_set_and_texture_transform(tmp_path):
     second = np.array([[0, 0], [1, 0.2], [0, 1]])
     found = appearance(tmp_path, triangle({"index": 0, "texCoord": 1}))

@@ -59,6 +59,10 @@ def scene_of_glass(device, *, twice=False):
     leaf = Material(texture=Texture(LEAF, filter="nearest"), alpha_mode="mask", alpha_cutoff=0.4)
     looks = Appearance((leaf,), uv=QUAD_UV)
     scene.add((QUAD, TWO), name="leaf", pose=at((0.3, -0.4, 0.6), (0.6, 0.2, 0.4)), appearance=looks)
+    for space, texels, place in (("linear", "srgb", (-0.4, -0.6, 0.3)), ("srgb", "linear", (0.8, -0.5, -0.4))):
+        texture = Texture(LEAF, filter="nearest", color_space=texels)  # of another color space than its material
+        looks = Appearance((glass((1, 1, 1, 0.8), texture=texture, color_space=space),), uv=QUAD_UV)
+        scene.add((QUAD, TWO), name=f"{space} film", pose=at(place, (0.3, 0.8, 0.1)), appearance=looks)
     fading = np.array([(1, 1, 1, 0.1), (1, 0, 1, 0.9), (0, 1, 1, 0.3), (1, 1, 0, 1)], dtype=np.float32)
     looks = Appearance((glass((0.9, 0.9, 0.8, 0.9), blends_twice=twice),), vertex_colors=fading)
     scene.add((QUAD, TWO), name="pane", pose=at((0.2, 0.2, -0.1), (0, 1.1, 0.4)), appearance=looks)

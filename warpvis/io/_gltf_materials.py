@@ -123,6 +123,7 @@ class GltfMaterials:
             wrap_v=_WRAPS.get(sampler.get("wrapT"), "repeat"),
             filter=_FILTERS.get(sampler.get("magFilter"), "linear"),
             color_space=color_space,
+            mipmaps=sampler.get("minFilter") not in _FILTERS,
         )
         return self._textures[key]
 

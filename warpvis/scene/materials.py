@@ -70,6 +70,8 @@ class Texture:
     filter: Filter = "linear"
     color_space: ColorSpace = "srgb"
     """Color space of the stored values. Opacity is always linear."""
+    mipmaps: bool = True
+    """Whether distant texels are averaged. Without mip maps, fine patterns flicker."""
 
     def __post_init__(self) -> None:
         source = self.source

@@ -95,9 +95,10 @@ struct Sampler {
 
   private:
     static inline int length(int a) { return a > 1 ? a : 1; }
-    // Colors are interpolated as bytes where they are not converted.
+    // Colors are interpolated as bytes where they are not converted, as is opacity.
     inline Color scaled(const Color& color) const {
-        return to_linear || to_screen || is_light ? color : color * Numbers::real(1.0f / 255.0f);
+        const bool is_converted = (to_linear || to_screen) && !takes_opacity;
+        return is_converted || is_light ? color : color * Numbers::real(1.0f / 255.0f);
     }
     // A coordinate from 0 to 1 within a repetition; 0 for NaN.
     static inline Real wrapped(Real u, int mode) {
