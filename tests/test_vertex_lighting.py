@@ -3,6 +3,7 @@
 """Light at vertices (`lighting="vertex"`), compared with a double-precision reference and MuJoCo's pictures."""
 
 import itertools
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -64,22 +65,27 @@ def test_triangles_match_reference(mix, device):
     assert np.abs(pixels.color.numpy().astype(int) - views.color.numpy()).max() > 20
 
 
-def test_shadows_are_those_of_pixels(device, monkeypatch):
-    """Each light with shadows is interpolated by itself, and blocked at pixels."""
+@pytest.mark.parametrize("count", [2, 7, 8])
+def test_shadows_are_those_of_pixels(count, device, monkeypatch):
+    """Each light with shadows is interpolated by itself, and blocked at pixels.
+
+    On CPU cores, light at corners is cached with up to 7 such lights.
+    """
     box, floor, place = (
         trimesh.creation.box((0.6, 0.6, 0.6)),
         trimesh.creation.box((4, 4, 0.1)),
         (0, 0, -0.6, 0, 0, 0, 1),
     )
     scene = wv.Scene(device=device)
-    scene.lights = (SPOT, BRIGHT, HEADLIGHT)
+    dim = [replace(BRIGHT, color=(0.1, 0.2, 0.3), position=(0.3 * k - 1, 0.4, 1.5)) for k in range(count - 2)]
+    scene.lights = (SPOT, BRIGHT, *dim, HEADLIGHT)
     scene.add(box, name="box", appearance=GLOSSY)
     scene.add(floor, name="floor", pose=place, appearance=GLOSSY)
     found, cast_shadows = [], rendering.cast_shadows
     monkeypatch.setattr(rendering, "cast_shadows", lambda *inputs: found.append(cast_shadows(*inputs)) or found[0])
     views = wv.render(scene, CAMERA, POSE, outputs=OUTPUTS, lighting="vertex")
     shadows = found[0].numpy()
-    assert len(shadows) == 2 and 0.05 < (shadows == 0).mean() < 0.9
+    assert len(shadows) == count and 0.05 < (shadows == 0).mean() < 0.9
     triangles = [(placed(box), None), (placed(floor, place), None)]
     expected = reference_vertex_lighting.shade_vertex_color_rows(
         scene.lights, [GLOSSY] * 2, POSE, views, triangles, shadows

@@ -49,6 +49,10 @@ struct PixelLanes {
     }
     static inline Ints gather(const int* from, Ints index) { return (Ints)gather((const float*)from, index); }
 
+    // The numbers of other pixels.
+    static inline Floats permuted(Floats a, Ints pixel) { return gather((const float*)&a, pixel); }
+    static inline Ints permuted(Ints a, Ints pixel) { return gather((const int*)&a, pixel); }
+
     static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
     static inline bool any(Ints which) { return Lanes::any(which); }
     static inline int first(Ints which) { return Lanes::first_lane(Lanes::bits(which)); }

@@ -145,7 +145,7 @@ struct ColorRow {
             const int pixel = Numbers::first(remaining);
             Whole which = remaining & (object == Numbers::whole(Numbers::get(object, pixel)));
             const Shown shown = surface(which, faces, points, Numbers::get(object, pixel), pixel);
-            color = Vector::select(which, color_of(shown, points, place, count), color);
+            color = Vector::select(which, color_of(shown, which, points, place, count), color);
             remaining = remaining & (which == 0);
         }
         const auto to_byte = [](Real a) {
@@ -178,7 +178,7 @@ struct ColorRow {
             shown_faces = which ? shown_faces : Numbers::whole(face);
         }
         const bool is_same = Numbers::PIXELS > 1 && Numbers::all(shown_faces == Numbers::whole(face));
-        Shown shown = {materials, camera, frame, rows, material, {}, {}, shown_faces, face, is_same};
+        Shown shown = {materials, camera, frame, rows, object, material, {}, {}, shown_faces, face, is_same};
         const auto& own = materials.materials.data[material];
         const float* color = world_numbers(materials.world_color, worlds, images.view, object);
         for (int k = 0; k < 3; ++k) shown.base[k] = color ? converted(color[k], false, own.is_linear) : own.color[k];
@@ -205,7 +205,7 @@ struct ColorRow {
     }
 
     inline void base_colors(int x) {
-        write(x, [&](const Shown& shown, const Vector&, long long, int) {
+        write(x, [&](const Shown& shown, Whole, const Vector&, long long, int) {
             Vector color = shown.color();
             if (shown.is_textured()) color = color.times(shown.texel());
             return in_space(color, materials.materials.data[shown.material].is_linear, false);
@@ -215,7 +215,7 @@ struct ColorRow {
     // `shadows` are images of the lights that may be blocked, 255 where nothing blocks them; or an array without data.
     template <class Lights, class Shadows>
     inline void lit_colors(int x, const Lights& lights, const Shadows& shadows) {
-        write(x, [&](const Shown& shown, const Vector& points, long long place, int count) {
+        write(x, [&](const Shown& shown, Whole, const Vector& points, long long place, int count) {
             const Vector normal = shown.normal(SurfaceImages::triple<Numbers>(images.normals, place, count));
             return lit_by_images(shown, PixelPlace<Numbers>{{points}, {normal}}, lights, shadows, place, count);
         });

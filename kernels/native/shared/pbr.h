@@ -98,6 +98,7 @@ struct Reflector {
 template <class Numbers, class Materials, class Worlds>
 struct PbrRow {
     typedef typename Numbers::Real Real;
+    typedef typename Numbers::Whole Whole;
     typedef Triple<Numbers> Vector;
     typedef Surface<Numbers, Materials> Shown;
     enum { PHONG, PBR, WEBOTS };
@@ -109,7 +110,7 @@ struct PbrRow {
 
     template <class Lights, class Shadows>
     inline void lit_colors(int x, const Lights& lights, const Shadows& shadows) {
-        row.write(x, [&](const Shown& shown, const Vector& points, long long place, int count) {
+        row.write(x, [&](const Shown& shown, Whole, const Vector& points, long long place, int count) {
             const Vector flat = SurfaceImages::triple<Numbers>(row.images.normals, place, count);
             const Vector normal = shown.normal(flat);
             const bool has_shadows = shadows.data != nullptr;

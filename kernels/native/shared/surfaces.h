@@ -170,6 +170,7 @@ struct Surface {
     const Eye& camera;
     const ObjectFrame& frame;
     const int* rows;  // OBJECT_ROWS first rows of the object
+    int object;
     int material;
     float base[3], emission[3];  // of the material, or of the object in its world
     Whole face;

@@ -13,9 +13,12 @@
 template <class Numbers, class Row, class Lights, class Shadows>
 inline void vertex_lit_colors(Row& row, int x, const Lights& lights, const Shadows& shadows) {
     typedef typename Row::Vector Vector;
-    row.write(x, [&](const typename Row::Shown& shown, const Vector&, long long place, int count) {
-        const Vector flat = SurfaceImages::triple<Numbers>(row.images.normals, place, count);
-        const auto& grid = row.materials.vertex_grids.data[row.frame.entry];
-        return row.lit_by_images(shown, find_corners<Numbers>(shown, grid, flat), lights, shadows, place, count);
-    });
+    row.write(
+        x, [&](const typename Row::Shown& shown, typename Numbers::Whole, const Vector&, long long place, int count) {
+            const Vector flat = SurfaceImages::triple<Numbers>(row.images.normals, place, count);
+            FlatCells cells;
+            cells.entry = -1;
+            const auto corners = corner_finder<Numbers>(row, shown, cells, flat).locate_corners();
+            return row.lit_by_images(shown, corners, lights, shadows, place, count);
+        });
 }
