@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 import warp as wp
 from machine import describe
+from mujoco_colors import robosuite_task
 from timing import take_turns
 
 from warpvis.mujoco import Renderer
@@ -44,16 +45,7 @@ def models() -> Iterator[tuple[str, Callable[[], mujoco.MjModel]]]:
         if spec is not None and spec.origin is not None:
             yield name, partial(mujoco.MjModel.from_xml_path, str(Path(spec.origin).parent / path))
     if importlib.util.find_spec("robosuite") is not None:
-        yield "Lift", _lift
-
-
-def _lift() -> mujoco.MjModel:
-    import robosuite
-
-    task = robosuite.make(
-        "Lift", robots="Panda", has_renderer=False, has_offscreen_renderer=False, use_camera_obs=False
-    )
-    return mujoco.MjModel.from_xml_string(task.model.get_xml())
+        yield "Lift", lambda: robosuite_task("Lift")[0]
 
 
 def compare(model: mujoco.MjModel, size: tuple[int, int], rounds: int, threads: int | None) -> list[str]:
@@ -104,7 +96,7 @@ def main() -> None:
             continue
         try:
             model = load()
-        except Exception as error:  # robosuite 1.5.2 does not accept MuJoCo 4
+        except Exception as error:  # third-party models may not compile with the installed MuJoCo
             print(f"| {name} | not loaded: {type(error).__name__} {error} |")
             continue
         for size in arguments.sizes:
