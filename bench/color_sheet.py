@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make a sheet of MuJoCo models and glTF files beside pictures of `mujoco.Renderer` and pyrender.
+"""Make a sheet of MuJoCo models and glTF files, each next to a picture of `mujoco.Renderer` or pyrender.
 
     MUJOCO_GL=egl python bench/color_sheet.py SHEET.webp MODEL[:CAMERA]... FILE.glb...
 

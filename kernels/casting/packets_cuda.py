@@ -231,9 +231,7 @@ def make_packet_kernel(
     """
     header, call = ("cuda/points.h", POINTS) if points else ("cuda/packets.h", PIXELS)
     options = native_options(header, side, with_id, movable, resized, clip=clip, points=points)
-    registers = max_registers(movable)
-    if movable and side == 32 and not points:
-        registers = 128 if with_id else 80  # with ids, shared memory limits the occupancy
+    registers = _max_registers(movable, is_wide_image=side == 32 and not points, with_id=with_id)
     return _make_kernel(call, PinholeCamera, PointLists, registers, options)
 
 
@@ -248,11 +246,13 @@ def make_ray_packet_kernel(
     options = native_options(
         "cuda/table.h", side, with_id, movable, resized, ray_table=True, points=points, origins=origins
     )
-    return _make_kernel(BUNDLE, RayRange, RayPackets, max_registers(movable), options)
+    return _make_kernel(BUNDLE, RayRange, RayPackets, _max_registers(movable), options)
 
 
-def max_registers(movable: bool) -> int:
+def _max_registers(movable: bool, *, is_wide_image: bool = False, with_id: bool = False) -> int:
     """Return the number of registers of a thread: more reduce occupancy too much, and fewer cause too many spills."""
+    if movable and is_wide_image:
+        return 128 if with_id else 80  # with ids, shared memory limits the occupancy
     return 96 if movable else 80
 
 

@@ -328,8 +328,7 @@ class MaterialTables:
             known = None if self._earlier is None else self._earlier._mip_shapes.get(key)
 
             def make_levels() -> list[NDArray[np.uint8]]:
-                levels = mip_levels(texture.image, sides, is_encoded=is_encoded)
-                return levels if texture.mipmaps else levels[:1]
+                return mip_levels(texture.image, sides, is_encoded=is_encoded, is_single=not texture.mipmaps)
 
             made = [make_levels()] if known is None else []
             shapes = known or [level.shape[:2] for level in made[0]]

@@ -22,20 +22,22 @@ _LINEAR_BYTES = (255 * np.array(linear_color(np.arange(256) / 255))).astype(np.f
 """Linear light of the 256 sRGB values, from 0 to 255."""
 
 
-def mip_levels(image: NDArray[Any], sides: int = 1, *, is_encoded: bool = False) -> list[NDArray[Any]]:
+def mip_levels(
+    image: NDArray[Any], sides: int = 1, *, is_encoded: bool = False, is_single: bool = False
+) -> list[NDArray[Any]]:
     """Return the mip levels of an image, ``(h, w, 4)`` each: down to one texel, or one per cube side below each other.
 
     Each level has half the texels of the one before it along both axes, rounded down, and is interpolated linearly
     between its texels at the centers of the new ones, as Mesa's `glGenerateMipmap` does (`util_gen_mipmap`): for even
     sizes, the mean of two texels. Bytes are rounded to the nearest, halves up; floats stay floats. With `is_encoded`,
-    sRGB colors are interpolated as linear light.
+    sRGB colors are interpolated as linear light. With `is_single`, only the finest level is made.
     """
     if image.shape[2] == 3:
         opaque = np.full((*image.shape[:2], 1), 255 if image.dtype == np.uint8 else 1, dtype=image.dtype)
         image = np.concatenate([image, opaque], axis=2)
     height = image.shape[0] // sides
     levels = [image[: height * sides]]
-    while height > 1 or levels[-1].shape[1] > 1:
+    while not is_single and (height > 1 or levels[-1].shape[1] > 1):
         parts: NDArray[Any] = levels[-1].reshape(sides, height, -1, 4)
         if is_encoded:
             parts = np.concatenate([_LINEAR_BYTES[parts[..., :3]], parts[..., 3:]], axis=-1)
