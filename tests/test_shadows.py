@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shadows in "color": lights that surfaces block, compared with double precision over all surfaces of a scene."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -217,6 +219,22 @@ def test_lights_with_shadows_are_added_after_clamping(device):
         np.testing.assert_allclose(color[12, 8], left * 255, atol=1)
         np.testing.assert_allclose(color[12, 24], right * 255, atol=1)
     assert np.abs(bright - together).max() > 0.1
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_light_at_vertices_has_shadows_outside_of_cones(caster, device):
+    """Between vertices, light is interpolated, also where a point itself is outside of the cone."""
+    scene = table(device)
+    references = [reference_shadows.ShadowReference(scene)] * len(POSES)
+    scene.lights = LIGHTS[4:5]
+    shadows, views = shine(wv.Renderer(scene, CAMERA, outputs=OUTPUTS, caster=caster, lighting="vertex"), POSES)
+    open_cone = (replace(LIGHTS[4], outer_angle=np.pi, exponent=0.0),)
+    assert_shadows(shadows, views, references, POSES, scene_lights=open_cone, caster=caster)
+    scene.lights = (replace(LIGHTS[4], radius=1e-4),)
+    soft = shine(wv.Renderer(scene, CAMERA, outputs=OUTPUTS, caster=caster, lighting="vertex"), POSES)[0]
+    assert (soft == shadows).mean() > 0.99
+    within = shine(wv.Renderer(scene, CAMERA, outputs=OUTPUTS, caster=caster), POSES)[0]
+    assert (shadows > 0).mean() > 1.5 * (within > 0).mean() > 0
 
 
 @pytest.mark.gl

@@ -55,6 +55,8 @@ class Lights:
     """Points of lights with a radius, of all classes of pixels: see `warpvis.scene.light_samples`."""
     occlusion: wp.array3d[wp.uint8]
     """Fraction of ambient light that reaches a pixel, (view, y, x), 255 for 1; None if all of it does."""
+    is_at_vertices: bool
+    """Whether light between vertices may come from lights out of whose reach or cone a point is; only for shadows."""
 
 
 @wp.func_native(

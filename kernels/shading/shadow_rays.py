@@ -43,13 +43,17 @@ def lifted(point: wp.vec3, normal: wp.vec3, camera: wp.vec3) -> wp.vec3d:
 
 
 @wp.func
-def can_light(light: DeviceLight, point: wp.vec3, normal: wp.vec3) -> bool:
-    """Return whether a point is within a light's reach and cone, and its surface faces the light."""
+def can_light(lights: Lights, light: DeviceLight, point: wp.vec3, normal: wp.vec3) -> bool:
+    """Return whether a surface faces a light and is within its reach and cone, unless light comes from vertices."""
     if light.kind == LIGHT_DIRECTIONAL:
         return wp.dot(normal, light.direction) < 0.0
     offset = light.position - point
     distance = wp.length(offset)
-    if wp.dot(normal, offset) <= 0.0 or distance > light.reach:
+    if wp.dot(normal, offset) <= 0.0:
+        return False
+    if lights.is_at_vertices:
+        return True
+    if distance > light.reach:
         return False
     if light.kind != LIGHT_SPOT or (light.falloff == FALLOFF_OPENGL and light.outer_angle >= PI):
         return True
@@ -212,7 +216,7 @@ def cast_shadow_rays(
         if light.shadow >= 0 and light.sample_count == 0:
             shine = wp.uint8(0)
             if is_seen:
-                if can_light(light, point, normal):
+                if can_light(lights, light, point, normal):
                     if not is_blocked(scene, worlds, view, light, point, start):
                         shine = wp.uint8(255)
             shadows_out[light.shadow, view, y, x] = shine

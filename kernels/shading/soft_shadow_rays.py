@@ -79,7 +79,7 @@ def cast_soft_shadow_rays(
         if light.shadow >= 0 and light.sample_count > 0:
             above, lit = int(0), int(0)
             if is_seen:
-                if can_light(light, point, normal):
+                if can_light(lights, light, point, normal):
                     first = light.first_sample + class_of(y, x) * light.sample_count
                     for sample in range(light.sample_count):
                         moved = light_at(light, lights.samples[first + sample])

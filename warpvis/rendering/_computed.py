@@ -77,7 +77,7 @@ class Frame:
         if self.lit_by is not None:
             return self.lit_by
         if self.occlusion is not None:
-            return with_occlusion(replace(self, occlusion=None).lights(), self.occlusion)
+            return lights_with(replace(self, occlusion=None).lights(), occlusion=self.occlusion)
         of_worlds = None if self.appearances is None else self.appearances.lights
         return self.scene.device_lights(self.scene.lights) if of_worlds is None else of_worlds
 
@@ -91,14 +91,13 @@ class Frame:
         return self.scene.device_skies(background) if background is not None and background.has_sky else None
 
 
-def with_occlusion(lights: Lights, occlusion: wp.array) -> Lights:
-    """Return lights whose ambient light reaches pixels in part."""
+def lights_with(lights: Lights, **fields: object) -> Lights:
+    """Return a copy of lights with other values of some fields."""
     from warpvis.kernels.shading.lighting import Lights
 
     found, kind = Lights(), cast("Any", Lights)
     for name in kind.vars:
-        setattr(found, name, getattr(lights, name))
-    found.occlusion = occlusion
+        setattr(found, name, fields.get(name, getattr(lights, name)))
     return found
 
 

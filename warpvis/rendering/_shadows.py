@@ -6,17 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.errors import SceneError
-from warpvis.rendering._computed import Frame
+from warpvis.rendering._computed import Frame, lights_with
 from warpvis.rendering.casters.base import Scratch
 from warpvis.scene.light_samples import direction_samples
 from warpvis.scene.lights import AmbientOcclusion, Light
+
+if TYPE_CHECKING:
+    from warpvis.kernels.shading.lighting import Lights
 
 _IMAGES = "points", "segmentation", "normals"
 """Images that kernels read, in the order of their arguments."""
@@ -79,9 +82,15 @@ def _cast_by_warps(frame: Frame, caster: str, out: wp.array) -> bool:
     views, height, width = images[0].shape
     resized = geometry.drawn_count > 0 and frame.worlds.object_sizes is not None
     size = (-(-height // BLOCK_HEIGHT), views, -(-width // BLOCK_WIDTH), CUDA_LANES)
-    inputs = [geometry, frame.lights(), frame.poses, frame.worlds, FoundObjects(), *images, out]
+    inputs = [geometry, _lights(frame), frame.poses, frame.worlds, FoundObjects(), *images, out]
     launch(_kernel(resized), size, inputs, device, block_dim=CUDA_LANES)
     return True
+
+
+def _lights(frame: Frame) -> Lights:
+    """Return the lights; light that is computed at vertices also reaches points outside of a light's cone."""
+    lights = frame.lights()
+    return lights_with(lights, is_at_vertices=True) if frame.lighting == "vertex" else lights
 
 
 @cache
@@ -118,7 +127,7 @@ def _launch(
 ) -> None:
     """Launch the first kernel for packets on a CPU, whose threads write several rows, or else the second one."""
     scene, images = frame.scene, [frame.images[name] for name in _IMAGES]
-    lights, (views, height, width) = frame.lights(), images[0].shape
+    lights, (views, height, width) = _lights(frame), images[0].shape
     geometry: Any
     if caster == "packets" and scene.device.is_cpu:
         kernel, geometry, span = kernels[0], scene.bvh().struct, WHOLE_ROW

@@ -13,6 +13,7 @@ template <class Light>
 struct ShadowRows {
     const Light* lights;
     int light_count;
+    bool is_limited;  // whether lights end at their reach and cone
     const float *points, *normals, *camera;  // camera: its position
     const int* segmentation;
     long long first, light_step;  // index of the first pixel of the view, and from one light's image to the next
@@ -127,7 +128,7 @@ struct ShadowRows {
                 const Light& light = lights[i];
                 if (light.shadow < 0 || light.sample_count > 0) continue;
                 for (int x = 0; x < width; x += ShadowPacket::WIDTH) {
-                    ShadowPacket packet = load(light, read(y, x), true);
+                    ShadowPacket packet = load(light, read(y, x), is_limited);
                     if (next > 0) keep_lit(light, packet, y, x);
                     if (packet.any() && world.exists) {
                         packet.bound();
@@ -162,6 +163,7 @@ inline auto shadow_rows(const Lights& lights, const Poses& poses, const Worlds& 
     return ShadowRows<typename LightOf<decltype(lights.all.data)>::Type>{
         .lights = lights.all.data + (long long)world_row(worlds, view, lights.all.shape[0]) * count,
         .light_count = count,
+        .is_limited = !lights.is_at_vertices,
         .points = (const float*)points.data,
         .normals = (const float*)normals.data,
         .camera = (const float*)(poses.data + view),

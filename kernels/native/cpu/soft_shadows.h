@@ -88,7 +88,7 @@ struct SoftRows {
         const LightFrame frame = LightFrame::of(light.direction);
         each_packet(y, [&](int row, int x, int part) {
             const typename Rows::Pixels pixels = read(row, x);
-            const ShadowPacket center = rows.load(light, pixels, true);
+            const ShadowPacket center = rows.load(light, pixels, rows.is_limited);
             unsigned char values[ShadowPacket::BLOCKS][LANES] = {};
             Ints above[ShadowPacket::BLOCKS] = {}, lit[ShadowPacket::BLOCKS] = {};
             for (int i = 0; i < light.sample_count && center.any(); ++i) {

@@ -34,9 +34,9 @@ struct ShadowPixel {
         for (int k = 0; k < 3; ++k) pixel.start[k] = (double)pixel.point[k] + (double)pixel.normal[k] * lift;
         return pixel;
     }
-    // Whether the surface faces a light and is within the light's reach and cone.
+    // Whether the surface faces a light and is, if it is limited, within the light's reach and cone.
     template <class Light>
-    inline bool can_be_lit(const Light& light) const {
+    inline bool can_be_lit(const Light& light, bool is_limited) const {
         const bool directional = light.kind == DIRECTIONAL;
         float facing = 0.0f, square = 0.0f, along = 0.0f;
         for (int k = 0; k < 3; ++k) {
@@ -46,7 +46,7 @@ struct ShadowPixel {
             along -= offset * light.direction[k];
         }
         if (!is_seen || !(facing > 0.0f)) return false;
-        if (directional) return true;
+        if (directional || !is_limited) return true;
         const float distance = sqrtf(square);
         const bool is_open = light.kind != SPOT || (light.falloff == 0 && light.outer_angle >= PI);
         return distance <= light.reach && (is_open || along >= light.cos_outer * distance);
@@ -74,6 +74,7 @@ template <class Light>
 struct ShadowBlocks {
     const Light* lights;  // of a view's world
     int light_count;
+    bool is_limited;  // whether lights end at their reach and cone
     const float *points, *normals, *camera;  // camera: its position
     const int* segmentation;
     int view, width, height;
@@ -94,7 +95,7 @@ struct ShadowBlocks {
             const Light& light = lights[i];
             if (light.shadow < 0 || light.sample_count > 0) continue;
             const ShadowPoint point = pixel.point_of(light, memory.world.light);
-            unsigned lit = Warp::ballot(pixel.can_be_lit(light));
+            unsigned lit = Warp::ballot(pixel.can_be_lit(light, is_limited));
             if (lit != 0 && exists) lit = walk.lit(point, lit);
             if (is_inside) out[light.shadow * light_step + place] = lit >> Warp::lane() & 1 ? 255 : 0;
             Warp::sync();
@@ -108,7 +109,7 @@ inline auto shadow_blocks(const Lights& lights, const Poses& poses, const Worlds
     const int count = lights.all.shape[1], height = points.shape[1], width = points.shape[2];
     ShadowBlocks<typename LightOf<decltype(lights.all.data)>::Type> blocks;
     blocks.lights = lights.all.data + (long long)world_row(worlds, view, lights.all.shape[0]) * count;
-    blocks.light_count = count;
+    blocks.light_count = count, blocks.is_limited = !lights.is_at_vertices;
     blocks.points = (const float*)points.data;
     blocks.normals = (const float*)normals.data;
     blocks.camera = (const float*)(poses.data + view);
