@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands in a subprocess, which Ray may end: its exit code, or one sentence and exit code 2."""
+"""Commands that end early: in a subprocess, which Ray may end, or because nobody reads their output."""
 
 import os
+import subprocess
 import sys
 from functools import partial
 
@@ -32,3 +33,16 @@ def test_exit_codes_are_forwarded(tmp_path):
         Batch(file=tmp_path / "nowhere.glb", poses="nowhere.txt", out=str(tmp_path / "out"), engine="ray").run()
     assert end.value.code == 2
     run_in_subprocess(partial(print, "well"), "the node was lost")
+
+
+@pytest.mark.parametrize("command", [["--help"], ["info"]])
+def test_closed_output_ends_a_command_quietly(command):
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        program = [sys.executable, "-m", "warpvis", *command]
+        result = subprocess.run(program, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=300)
+    finally:
+        os.close(writer)
+    assert result.returncode == 1
+    assert "BrokenPipe" not in result.stderr and "Traceback" not in result.stderr

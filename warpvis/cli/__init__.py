@@ -51,7 +51,7 @@ def main() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"warpvis {warpvis.__version__}")
         return
-    with _interrupts.exiting_on_interrupt():
+    with _interrupts.exiting_on_interrupt(), _interrupts.exiting_on_closed_output():
         commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Watch | Info | SensorFit
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
 
@@ -59,7 +59,7 @@ def main() -> None:
 def run_command(run: Callable[[], None]) -> None:
     """Run a command: invalid input ends with a message of one sentence and exit code 2, Ctrl-C with 130."""
     command = getattr(run, "__self__", None)
-    with _interrupts.exiting_on_interrupt():
+    with _interrupts.exiting_on_interrupt(), _interrupts.exiting_on_closed_output():
         try:
             import warp as wp
 
@@ -71,8 +71,6 @@ def run_command(run: Callable[[], None]) -> None:
         except WarpvisError as error:
             print(f"warpvis: {name_options(str(error), command)}", file=sys.stderr)
             sys.exit(2)
-        except BrokenPipeError:
-            sys.exit(1)
 
 
 _DESCRIPTION = """Depth images and 3D visibility from given camera poses, on CPU or CUDA.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Handling of Ctrl-C, which ends the process at any moment, and commands in a subprocess.
+"""Handling of Ctrl-C, which ends the process at any moment, of closed output, and commands in a subprocess.
 
 Ray ends the process that it runs in when it loses its node, so its commands run in a subprocess.
 """
@@ -55,6 +55,17 @@ def exiting_on_interrupt() -> Iterator[None]:
     finally:
         timer.cancel()
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def exiting_on_closed_output() -> Iterator[None]:
+    """Exit with code 1 if the reader of the output has ended, as ``head`` does."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes it at its end
+        sys.exit(1)
 
 
 def _is_importing(frame: FrameType | None) -> bool:
