@@ -138,6 +138,30 @@ def tools_cases(folder):
                 **one,
             },
         ),
+        "Constraint": (
+            planned.Constraint,
+            {
+                "fraction": (0.0, 1.0),
+                "pixels": (0, None),
+                "image_fraction": (0.0, 1.0),
+                "distance": (0.1, 9.0),
+                "angle": (0.0, 1.0),
+                "direction": (1.0, 0.0, 0.0),
+                "margin": 1,
+                "status": "visible",
+            },
+        ),
+        "check_constraints": (
+            planned.check_constraints,
+            {
+                "scene": seen,
+                **VIEW,
+                "constraints": {"box": (0.5, 1.0)},
+                **WORLDS,
+                "quaternion": "xyzw",
+                "threads": 1,
+            },
+        ),
         "clearance": (
             planned.clearance,
             {"scene": seen, "points": [[0, 0, 0]], "max_distance": 9.0, "objects": ["box"], **one},

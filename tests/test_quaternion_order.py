@@ -77,6 +77,9 @@ CALLS = {
     "voxel_map": lambda c, o, **q: wv.voxel_map(DEPTH, CAMERA, c, **BOX, **q),
     "voxel_map_from_scene": lambda c, o, **q: wv.voxel_map_from_scene(SCENE, CAMERA, c, object_poses=o, **BOX, **q),
     "best_views": lambda c, o, **q: wv.planning.best_views(SCENE, CAMERA, c, objects=["moved"], object_poses=o, **q),
+    "check_constraints": lambda c, o, **q: wv.planning.check_constraints(
+        SCENE, CAMERA, c, {"moved": wv.planning.Constraint(fraction=(0, 1), distance=(0, 9))}, object_poses=o, **q
+    ),
     "coverage": lambda c, o, **q: wv.planning.coverage(SCENE, CAMERA, c, object_poses=o, **q),
     "surface_samples": lambda c, o, **q: wv.planning.surface_samples(SCENE, spacing=0.5, object_poses=o, **q),
     "clearance": lambda c, o, **q: wv.planning.clearance(SCENE, POINTS + (0.05, 0.1, 0.25), object_poses=o, **q),

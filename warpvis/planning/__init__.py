@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""View planning: best views, coverage, free space, minimum heights, and proposals for a robot."""
+"""View planning: best views, coverage, constraints, free space, minimum heights, and proposals for a robot."""
 
 from __future__ import annotations
 
@@ -12,15 +12,20 @@ from warpvis.planning._best_views import (
     pose_grid,
     propose_view,
 )
+from warpvis.planning._constraints import Constraint, ConstraintCheck, Term, check_constraints
 from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
 from warpvis.planning._free_space import clearance, inside_solids as inside_solids, minimum_height, standing_room
 
 __all__ = [
     "BestViews",
+    "Constraint",
+    "ConstraintCheck",
     "Coverage",
     "Proposal",
     "Samples",
+    "Term",
     "best_views",
+    "check_constraints",
     "clearance",
     "coverage",
     "minimum_height",
