@@ -37,6 +37,16 @@ def tools_cases(folder):
     path = folder / "out"
     found = SEEN.candidates("human", "robot", labels=None)
     room = {"radius": 0.1, "floor": -1.0, "step": 0.1}
+    sampled = {
+        "move": {"cart": planned.SupportRegion("floor")},
+        "max_tries": 40,
+        "refine": True,
+        "partial": True,
+        "object_poses": MOVED,
+        "exclude": None,
+        "quaternion": "xyzw",
+        "threads": 1,
+    }
     one = {"object_poses": MOVED, "exclude": ["floor"], "threads": 1}
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
@@ -199,6 +209,46 @@ def tools_cases(folder):
                 "max_distance": 1.0,
                 "object_poses": MOVED,
                 **room,
+            },
+        ),
+        "BoxRegion": (
+            planned.BoxRegion,
+            {"bounds": [[0, -1, 0], [0.5, 1, 1]], "look_at": "box", "jitter": 0.1, "roll": (0.0, 0.1)},
+        ),
+        "ShellRegion": (
+            planned.ShellRegion,
+            {
+                "target": "box",
+                "distance": (0.5, 1.0),
+                "azimuth": (0.0, 1.0),
+                "elevation": (0.0, 0.5),
+                "height": (0.1, 0.2),
+                "jitter": 0.1,
+                "roll": (0.0, 0.1),
+            },
+        ),
+        "SupportRegion": (planned.SupportRegion, {"support": "floor", "margin": 0.1, "yaw": (0.0, 1.0)}),
+        "sample_views": (
+            planned.sample_views,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "constraints": {"box": (0.5, 1.0)},
+                "region": planned.ShellRegion("box", (0.5, 1.0)),
+                "count": 1,
+                "seed": 0,
+                "agents": [(agents()[0], {"box": (0.0, 1.0)})],
+                **sampled,
+            },
+        ),
+        "sample_objects": (
+            planned.sample_objects,
+            {
+                "scene": seen,
+                "agents": [(agents()[0], {"cart": (0.0, 1.0)})],
+                "count": 1,
+                "seed": 0,
+                **sampled,
             },
         ),
         "standing_room": (planned.standing_room, {"scene": seen, "camera_to_world": POSE, **room, **one}),

@@ -140,6 +140,17 @@ def _real_cameras(folder):
     return {"raw": raw, "K": camera.to_K(pixel_center=0.0)}
 
 
+def _tabletop():
+    """Return a table with a screen and a mug, a robot and a person."""
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((1, 1.6, 0.7)), name="table", pose=(2, 0, 0.35, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.05, 0.5, 0.4)), name="screen", pose=(2, 0, 0.9, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.1, 0.1, 0.1)), name="mug", pose=(2.3, 0, 0.75, 0, 0, 0, 1), movable=True)
+    scene.add(trimesh.creation.cylinder(0.2, 1), name="robot", label="robot", pose=(0, 0, 0.5, 0, 0, 0, 1))
+    scene.add(trimesh.creation.cylinder(0.2, 1.5), name="person", label="human", pose=(4, 0, 0.75, 0, 0, 0, 1))
+    return scene
+
+
 def _visibility(folder):
     from support.recordings import write_tum
 
@@ -150,6 +161,7 @@ def _visibility(folder):
     return {
         "scene": scene,
         "camera": wv.Camera.from_fov(64, 48, hfov=1.0),
+        "tabletop": _tabletop(),
         "robot_at": (0.0, -1.5, 0.0),
         "cup_at": (2, 0, 0.8),
         "eyes": _poses()[:, :3],

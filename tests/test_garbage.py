@@ -83,6 +83,7 @@ RESULTS = {
     "Sight",
     "Track",
     "Watched",
+    "SampledPoses",
     "Samples",
     "SceneChange",
     "SceneObject",
@@ -143,6 +144,8 @@ OURS = {
     "Scene.require_planes",
     "Scene.triangles",
     "Scene.add_parts",
+    "BoxRegion.place",
+    "ShellRegion.place",
     "Scene.use_labels",
     "Renderer.render_parsed",
     "register_output",  # changes the table of all tests; `test_plugins` tests bad arguments
@@ -208,7 +211,7 @@ NAMES = (
     "Agent agent_ Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ "
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
-    "Constraint check_ "
+    "Constraint check_ Box Shell Support sample_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "Measured Occupancy read_tracks Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "

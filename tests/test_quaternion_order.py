@@ -80,6 +80,16 @@ CALLS = {
     "check_constraints": lambda c, o, **q: wv.planning.check_constraints(
         SCENE, CAMERA, c, {"moved": wv.planning.Constraint(fraction=(0, 1), distance=(0, 9))}, object_poses=o, **q
     ),
+    "sample_views": lambda c, o, **q: wv.planning.sample_views(
+        SCENE,
+        CAMERA,
+        {"moved": wv.planning.Constraint(angle=(0, 1), direction=(1, 0, 0))},
+        wv.planning.ShellRegion("moved", (1, 2)),
+        count=2,
+        seed=0,
+        object_poses=o,
+        **q,
+    ),
     "coverage": lambda c, o, **q: wv.planning.coverage(SCENE, CAMERA, c, object_poses=o, **q),
     "surface_samples": lambda c, o, **q: wv.planning.surface_samples(SCENE, spacing=0.5, object_poses=o, **q),
     "clearance": lambda c, o, **q: wv.planning.clearance(SCENE, POINTS + (0.05, 0.1, 0.25), object_poses=o, **q),

@@ -12,17 +12,24 @@ from warpvis.planning._best_views import (
     pose_grid,
     propose_view,
 )
-from warpvis.planning._constraints import Constraint, ConstraintCheck, Term, check_constraints
+from warpvis.planning._check_constraints import check_constraints
+from warpvis.planning._constraints import Constraint, ConstraintCheck, Term
 from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
 from warpvis.planning._free_space import clearance, inside_solids as inside_solids, minimum_height, standing_room
+from warpvis.planning._regions import BoxRegion, ShellRegion, SupportRegion
+from warpvis.planning._sample_views import SampledPoses, sample_objects, sample_views
 
 __all__ = [
     "BestViews",
+    "BoxRegion",
     "Constraint",
     "ConstraintCheck",
     "Coverage",
     "Proposal",
+    "SampledPoses",
     "Samples",
+    "ShellRegion",
+    "SupportRegion",
     "Term",
     "best_views",
     "check_constraints",
@@ -31,6 +38,8 @@ __all__ = [
     "minimum_height",
     "pose_grid",
     "propose_view",
+    "sample_objects",
+    "sample_views",
     "standing_room",
     "surface_samples",
 ]

@@ -7,22 +7,16 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
-from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_point
 from warpvis.core.checks import as_items, check_mapping, check_whole, degrees_hint, is_number, is_whole
 from warpvis.core.labels import Visibility
-from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
-from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError, SceneError
-from warpvis.scene import Scene, require_scene
-from warpvis.scene.worlds import parse_worlds, pose_columns
-from warpvis.visibility import Agent, choose_objects, see_objects
+from warpvis.errors import ArrayError
+from warpvis.scene import Scene
 
 Bounds = tuple[float | None, float | None]
 """Minimum and maximum, both included; None for none."""
@@ -136,151 +130,6 @@ class ConstraintCheck:
         return np.asarray(self.satisfied.all(axis=1))
 
 
-def check_constraints(
-    scene: Scene,
-    camera: ImageCamera,
-    camera_to_world: PoseLike,
-    constraints: Constraints,
-    *,
-    object_poses: ObjectPoses = None,
-    world_index: ArrayInput | None = None,
-    exclude: Sequence[str | int] | str | None = None,
-    convention: Convention = "opencv",
-    quaternion: QuaternionOrder = "xyzw",
-    threads: int | None = None,
-) -> ConstraintCheck:
-    """Check what many views see of objects against constraints.
-
-    Args:
-        scene: The scene.
-        camera: The camera.
-        camera_to_world: Poses, as for `Renderer.render`.
-        constraints: For each object, by name, the range of its visible fraction, ``(0.6, 1.0)``, a `Constraint`, or a
-            list of these.
-        object_poses: As for `Renderer.render`.
-        world_index: As for `Renderer.render`.
-        exclude: Names or indices of objects that are invisible to the camera.
-        convention: Axes of the camera frame of the poses.
-        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
-        threads: Number of CPU threads; by default all cores available to the process.
-    """
-    require_scene(scene).require_objects()
-    require_image_camera(camera)
-    terms = parse_constraints(scene, constraints)
-    poses = parse_poses(to_xyzw(camera_to_world, quaternion, "camera_to_world"), convention=convention)
-    worlds = parse_worlds(scene, len(poses), to_xyzw(object_poses, quaternion, "object_poses"), world_index, exclude)
-    rows = np.zeros((len(poses), 0, 7), dtype=np.float32)
-    if scene.movable:
-        rows = worlds.object_poses.numpy().reshape(-1, len(scene.movable), 7)
-        index = worlds.world.numpy() if worlds.world is not None and worlds.world.size else np.arange(len(poses))
-        rows = rows[index % len(rows)]
-    observer = Observer("camera", as_faces(camera), poses.numpy().reshape(-1, 7), terms, check_excluded(exclude))
-    if not len(poses):
-        return ConstraintCheck(terms, np.zeros((0, len(terms))), np.zeros((0, len(terms))))
-    return observer.check(scene, rows, threads=threads)
-
-
-def as_faces(camera: ImageCamera) -> tuple[Any, ...]:
-    """Return the only face of a camera."""
-    return Agent("camera", require_image_camera(camera), _IDENTITY).faces
-
-
-@dataclass(frozen=True, eq=False)
-class Observer:
-    """A camera or the eyes of an agent, and their constraints."""
-
-    name: str
-    faces: tuple[Any, ...]
-    """Images of the field of view, as `Agent.faces`."""
-    poses: NDArray[np.float32]
-    """One pose, or one for each view, OpenCV camera to world, ``(1 or V, 7)``."""
-    terms: tuple[Term, ...]
-    exclude: list[str | int]
-    """Names or indices of the objects that it does not see."""
-
-    def check(
-        self,
-        scene: Scene,
-        rows: NDArray[np.float32],
-        *,
-        geometric: bool = True,
-        visual: bool = True,
-        threads: int | None = None,
-    ) -> ConstraintCheck:
-        """Check V views with poses of the movable objects, ``(V, M, 7)``; conditions that are left out are NaN."""
-        values = np.full((len(rows), len(self.terms)), np.nan)
-        seen = self._see(scene, rows, threads) if visual and self._visual else {}
-        for column, term in enumerate(self.terms):
-            if term.quantity in GEOMETRIC:
-                if geometric:
-                    values[:, column] = self._measure(scene, rows, term)
-            elif visual:
-                values[:, column] = seen[term.quantity][:, self._visual.index(term.object)]
-        return ConstraintCheck(self.terms, values, _slack(self.terms, values))
-
-    @property
-    def _visual(self) -> list[str]:
-        """Names of the objects that images are needed for."""
-        return list(dict.fromkeys(term.object for term in self.terms if term.quantity not in GEOMETRIC))
-
-    def _measure(self, scene: Scene, rows: NDArray[np.float32], term: Term) -> NDArray[np.float64]:
-        """Return distances [m] or angles [rad] of one object, ``(V,)``."""
-        center, rotation = place_object(scene, scene.index(term.object), rows)
-        to_camera = self.poses[:, :3] - center
-        if term.direction is None:
-            return np.linalg.norm(to_camera, axis=-1)
-        direction = np.broadcast_to(rotation @ np.array(term.direction), to_camera.shape)
-        across = np.linalg.norm(np.cross(direction, to_camera), axis=-1)
-        return np.arctan2(across, (direction * to_camera).sum(axis=-1))
-
-    def _see(self, scene: Scene, rows: NDArray[np.float32], threads: int | None) -> dict[str, NDArray[Any]]:
-        """Return the quantities that are measured in images, ``(V, K)`` each, summed over the agent's faces."""
-        views, chosen = len(rows), choose_objects(scene, self._visual)
-        worlds = parse_worlds(scene, views, rows if scene.movable else None, None, self.exclude or None)
-        counts, found = np.zeros((5, views, len(chosen)), dtype=np.int64), None
-        needed = any(term.quantity == "fraction" for term in self.terms)
-        for face in self.faces:
-            placed = np.repeat(self.poses.astype(np.float64), views // len(self.poses), axis=0)
-            placed[:, 3:] = quaternion_product(placed[:, 3:], np.array(face.rotation))
-            poses = wp.array(placed.astype(np.float32), dtype=wp.transform, device=scene.device)
-            canvas = face.canvas if needed else (0, 0, 0, 0)
-            found = see_objects(
-                scene, face.camera, poses, worlds, chosen, canvas=canvas, skip_unseen=True, threads=threads
-            )
-            names = ("visible_pixels", "silhouette_pixels", "image_pixels", "too_near_pixels", "too_far_pixels")
-            counts += np.stack([getattr(found, name).numpy() for name in names])
-        assert found is not None  # there is at least one face
-        visible, silhouette, image, near, far = counts
-        size = sum(face.camera.width * face.camera.height for face in self.faces)
-        seen = {"pixels": visible, "image_fraction": visible / size, "fraction": visible / np.maximum(silhouette, 1)}
-        reasons = np.stack([image - visible - near - far, near, far])
-        order = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR])
-        status = np.where(image > 0, order[reasons.argmax(axis=0)], Visibility.OUT_OF_VIEW)
-        seen["status"] = np.where(visible > 0, Visibility.VISIBLE, status)
-        if any(term.quantity == "margin" for term in self.terms):
-            x, y, width, height = np.moveaxis(found.visible_box.numpy().astype(np.float64), -1, 0)
-            camera = self.faces[0].camera
-            gaps = np.stack([x, y, camera.width - x - width, camera.height - y - height])
-            seen["margin"] = np.where(visible > 0, gaps.min(axis=0), -np.inf)
-        return seen
-
-
-def place_object(
-    scene: Scene, index: int, rows: NDArray[np.float32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return an object's box center [m], ``(V, 3)``, and rotation, ``(V, 3, 3)``, at poses of the movable objects.
-
-    Boxes are aligned with the frame of a movable object, and with the world for static ones, whose rotation is the
-    identity.
-    """
-    vertices, column = scene.objects[index].frame_vertices, int(pose_columns(scene)[index])
-    middle = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64).mean(axis=0)
-    if column < 0:
-        return np.broadcast_to(middle, (len(rows), 3)), np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-    matrices = poses_to_matrices(rows[:, column])
-    return matrices[:, :3, :3] @ middle + matrices[:, :3, 3], matrices[:, :3, :3]
-
-
 def parse_constraints(scene: Scene, constraints: Constraints, name: str = "constraints") -> tuple[Term, ...]:
     """Check constraints by object, and return their conditions; raise a `SceneError` for unknown objects."""
     terms = []
@@ -293,19 +142,6 @@ def parse_constraints(scene: Scene, constraints: Constraints, name: str = "const
     if not terms:
         raise ArrayError(f"{name} must have one or more objects, got none")
     return tuple(terms)
-
-
-def _slack(terms: Sequence[Term], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the signed distance of values to the nearer limit; NaN for values that are NaN."""
-    slack = np.empty_like(values)
-    for column, term in enumerate(terms):
-        value = values[:, column]
-        if term.quantity == "status":
-            slack[:, column] = np.where(np.isin(value, term.statuses), 1.0, -1.0)
-            slack[np.isnan(value), column] = np.nan
-        else:
-            slack[:, column] = np.minimum(value - term.low, term.high - value)
-    return slack
 
 
 def _as_constraints(value: object, name: str) -> list[Constraint]:
@@ -378,14 +214,6 @@ def _check_status(value: object) -> tuple[int, ...]:
     if not statuses:
         raise ArrayError("status must be one or more Visibility, got none")
     return tuple(statuses)
-
-
-def check_excluded(exclude: Excluded) -> list[str | int]:
-    """Return the names or indices of excluded objects."""
-    items = [] if exclude is None else as_items(exclude, "exclude")
-    if not all(isinstance(item, str | int | np.integer) for item in items):
-        raise SceneError("exclude must be names or indices of objects, the same for all views")
-    return items
 
 
 def _set(instance: object, name: str, value: object) -> None:
