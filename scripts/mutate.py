@@ -63,6 +63,8 @@ TESTS: tuple[tuple[str, str], ...] = (
     # Headers of visibility.
     ("cpu/point*.h", "point_packets points"),
     ("cpu/silhouettes.h", "object_visibility"),
+    ("cpu/fractions.h", "visible_fractions"),
+    ("cpu/sample_windows.h", "visible_fractions"),
     # Headers that every packet caster includes.
     ("cpu/sparse.h", "packets points point_packets solids exact_pixels"),
     ("cpu/solids.h", "solids sizes"),

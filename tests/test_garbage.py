@@ -69,6 +69,7 @@ RESULTS = {
     "FrameDataset",
     "MujocoScene",
     "Node",
+    "ObjectFractions",
     "ObjectVisibility",
     "OccupancyGrid",
     "Perspective",
@@ -147,6 +148,7 @@ OURS = {
     "BoxRegion.place",
     "ShellRegion.place",
     "Scene.use_labels",
+    "FractionMeter.measure_parsed",
     "Renderer.render_parsed",
     "register_output",  # changes the table of all tests; `test_plugins` tests bad arguments
     "DepthSensor.check",

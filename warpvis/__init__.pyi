@@ -52,6 +52,7 @@ from .visibility import (
     perspective as perspective,
     point_visibility as point_visibility,
     point_visibility_from_depth as point_visibility_from_depth,
+    visible_fractions as visible_fractions,
 )
 
 __version__: str

@@ -14,6 +14,7 @@ from arguments_lidars import lidar_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
 from arguments_tools import tools_cases
 from arguments_top import top_cases
+from arguments_visibility import visibility_cases
 
 import warpvis as wv
 
@@ -21,6 +22,7 @@ import warpvis as wv
 def cases(folder):
     """Return valid arguments of all public callables."""
     tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases)]
+    tables.append(visibility_cases())
     return {name: case for table in tables for name, case in table.items()}
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 from warpvis.visibility._agents import Agent as Agent, FieldOfView as FieldOfView, equirectangular as equirectangular
 from warpvis.visibility._candidates import Candidate, State, choose_likeliest as choose_likeliest
 from warpvis.visibility._eyes import MAX_EYE_ANGLE as MAX_EYE_ANGLE, Eyes as Eyes
+from warpvis.visibility._fractions import FractionMeter, ObjectFractions, visible_fractions as visible_fractions
 from warpvis.visibility._line_of_sight import LineOfSight, cast_ray as cast_ray, line_of_sight
 from warpvis.visibility._measured_space import MeasuredSpace
 from warpvis.visibility._measurement import perspective as perspective
@@ -36,8 +37,10 @@ __all__ = [
     "BOP_DELTA",
     "Candidate",
     "DepthWatcher",
+    "FractionMeter",
     "LineOfSight",
     "MeasuredSpace",
+    "ObjectFractions",
     "ReferenceModel",
     "Sight",
     "State",

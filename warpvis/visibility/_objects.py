@@ -199,7 +199,7 @@ def see_objects(
     from warpvis.kernels.visibility.silhouettes import judge_silhouettes
 
     delta, min_pixels = check_length(delta, "delta"), check_whole(min_pixels, "min_pixels")
-    canvas = _check_canvas(canvas, camera)
+    canvas = check_canvas(canvas, camera)
     views, count, device = len(poses), len(chosen), scene.device
 
     # Surfaces outside the depth range occlude too.
@@ -294,7 +294,8 @@ def _first(views: Views | None, size: int) -> Views | None:
     return Views(**{name: image if image is None else image[:size] for name, image in images.items()})
 
 
-def _check_canvas(canvas: Sequence[float] | None, camera: ImageCamera) -> tuple[int, int, int, int]:
+def check_canvas(canvas: Sequence[float] | None, camera: ImageCamera) -> tuple[int, int, int, int]:
+    """Return the extension of a canvas beyond the image's left, top, right and bottom border [px]."""
     if canvas is None:
         return camera.width, camera.height, camera.width, camera.height
     sides = tuple(canvas) if isinstance(canvas, Sequence) else ()

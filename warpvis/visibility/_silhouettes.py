@@ -85,32 +85,12 @@ class SilhouetteCounter:
 
         compared = Comparison()
         compared.segmentation, compared.depth, compared.delta = seen.segmentation, seen.depth, self._delta
-        worlds = self._spread(worlds)
+        worlds = spread_worlds(self._isolated, self._columns, worlds)
         outputs = [counts, hidden_by, masks]
         if self._packets:
             self._count_by_packets(poses, worlds, compared, outputs)
         else:
             self._count_by_rays(poses, worlds, compared, outputs)
-
-    def _spread(self, worlds: Worlds) -> Worlds:
-        """Return the same worlds with a pose for every object."""
-        from warpvis.kernels.casting.worlds import Worlds
-        from warpvis.kernels.visibility.silhouettes import spread_poses
-
-        poses = worlds.object_poses
-        posed = poses is not None and poses.shape[1] > 0
-        spread_worlds = Worlds()
-        spread_worlds.world, spread_worlds.excluded = worlds.world, worlds.excluded
-        shape = (poses.shape[0] if posed else 1, len(self._columns))
-        spread_worlds.object_poses = wp.empty(shape, dtype=wp.transform, device=self._device)
-        inputs = [
-            poses if posed else None,
-            self._columns,
-            self._isolated.movable_poses(),
-            spread_worlds.object_poses,
-        ]
-        launch(spread_poses, shape, inputs, self._device)
-        return spread_worlds
 
     def _count_by_rays(
         self, poses: wp.array, worlds: Worlds, compared: Comparison, outputs: list[wp.array | None]
@@ -158,6 +138,28 @@ class SilhouetteCounter:
         shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
         write_fields(call, workers=shared)
         launch_shared(launch, counter, workers)
+
+
+def spread_worlds(isolated: Scene, columns: wp.array, worlds: Worlds) -> Worlds:
+    """Return the same worlds with a pose for every object.
+
+    Args:
+        isolated: The scene with a frame for each object, see `Scene.isolated`.
+        columns: Index of the movable object that each object moves with; -1 if static, ``(K,)`` int32.
+        worlds: The worlds of the scene.
+    """
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.visibility.silhouettes import spread_poses
+
+    poses = worlds.object_poses
+    posed = poses is not None and poses.shape[1] > 0
+    spread = Worlds()
+    spread.world, spread.excluded = worlds.world, worlds.excluded
+    shape = (poses.shape[0] if posed else 1, len(columns))
+    spread.object_poses = wp.empty(shape, dtype=wp.transform, device=columns.device)
+    inputs = [poses if posed else None, columns, isolated.movable_poses(), spread.object_poses]
+    launch(spread_poses, shape, inputs, columns.device)
+    return spread
 
 
 def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:

@@ -102,6 +102,28 @@ enum SilhouetteCounter {
     BOX_MIDDLE = 1 << 24,
 };
 
+// Counters of a target, one or several objects, in a view: of samples, then of pixels, and how often adjacent samples
+// differ. The box is encoded as those of `SilhouetteCounter`.
+enum FractionCounter {
+    VISIBLE_SAMPLES = 0,
+    IMAGE_SAMPLES = 1,
+    SILHOUETTE_SAMPLES = 2,
+    TOO_NEAR_SAMPLES = 3,
+    TOO_FAR_SAMPLES = 4,
+    FRACTION_BOX = 5,  // of pixels with a visible sample
+    VISIBLE_CENTERS = 9,  // pixels whose center shows the target
+    SILHOUETTE_CENTERS = 10,
+    STATE_EDGES = 11,  // pairs of adjacent samples of different states: outside, hidden, visible
+    SILHOUETTE_EDGES = 12,  // pairs of which one is outside
+    SAMPLES_ACROSS = 13,  // samples along the side of a pixel
+    FRACTION_COUNTERS = 14,
+};
+
+// Limits of the samples of a target.
+enum FractionLimit {
+    MAX_SAMPLES_ACROSS = 63,  // along the side of a pixel; odd, so that one is at the pixel's center
+};
+
 // Values in silhouette masks.
 enum MaskValue {
     MASK_HIDDEN = 1,

@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Visible fractions by rays through silhouettes: double precision, supersampling, groups, worlds, and invalid input."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis.errors import WarpvisError
+from warpvis.visibility import FractionMeter
+
+import reference
+from support.object_visibility import cameras, desk
+
+CAMERA = wv.Camera.from_fov(40, 30, hfov=1.0, near=0.6, far=3.2)
+CANVAS = (40, 30, 40, 30)
+EXACT = "status", "box", "visible_pixels", "silhouette_pixels", "occluders"
+CLOSE = "fraction", "error", "image_share", "occluder_shares"
+
+
+def values(found):
+    return {name: getattr(found, name).numpy() for name in (*EXACT, *CLOSE)}
+
+
+def room(seed, count=8, device="cpu"):
+    """Return a floor with objects at random places, half of them movable."""
+    rng, scene = np.random.default_rng(seed), wv.Scene(device=device)
+    scene.add(trimesh.creation.box((4, 4, 0.1)), name="floor", pose=(0, 0, -0.05, 0, 0, 0, 1))
+    for number in range(count):
+        turn = rng.normal(size=4)
+        kind = number % 4
+        shape = (
+            trimesh.creation.box(rng.uniform(0.1, 0.6, 3)),
+            trimesh.creation.icosphere(1, rng.uniform(0.05, 0.3)),
+            trimesh.creation.cylinder(rng.uniform(0.05, 0.2), rng.uniform(0.1, 0.6), sections=12),
+            wv.scene.solids.sphere(rng.uniform(0.05, 0.3)),
+        )[kind]
+        place = (*rng.uniform(-1, 1, 2), rng.uniform(0.1, 0.8), *(turn / np.linalg.norm(turn)))
+        scene.add(shape, name=f"thing {number}", movable=kind == 3 or number % 2 == 0, pose=place)
+    return scene, rng
+
+
+@pytest.mark.smoke("*-256-packets")
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+@pytest.mark.parametrize("least", [1, 256])
+def test_fractions_match_reference(device, caster, least):
+    scene, poses = desk(device), cameras()
+    found = values(wv.visible_fractions(scene, CAMERA, poses, min_samples=least, caster=caster))
+    states = set()
+    for view, pose in enumerate(poses):
+        for index in range(len(scene)):
+            samples = reference.measure_fractions(scene, CAMERA, pose, [index], canvas=CANVAS, least=least)
+            expected = reference.judge_fractions(samples, CAMERA, 3)
+            subject = view, scene.objects[index].name
+            for name in EXACT:
+                assert np.array_equal(found[name][view, index], expected[name]), (name, *subject)
+            for name in CLOSE:
+                assert np.allclose(found[name][view, index], expected[name], rtol=1e-6, atol=1e-7), (name, *subject)
+            states.add(expected["status"])
+    assert len(states) >= 3
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_unions_of_objects_match_reference(device, caster):
+    scene, poses = desk(device), cameras()
+    groups = {"cart and mast": ["cart", "mast"], "round": ["ball", "arm", "ring"]}
+    meter = FractionMeter(scene, CAMERA, objects=groups, min_samples=400, caster=caster)
+    found = values(meter.measure(poses))
+    assert meter.names == tuple(groups)
+    for view, pose in enumerate(poses):
+        for target, names in enumerate(groups.values()):
+            members = [scene.index(name) for name in names]
+            samples = reference.measure_fractions(scene, CAMERA, pose, members, canvas=CANVAS, least=400)
+            expected = reference.judge_fractions(samples, CAMERA, 3)
+            one = 1.01 / max(1, samples.silhouette.sum())  # one sample is where the cart's side enters the floor
+            for name in ("status", "box", "silhouette_pixels", "occluders"):
+                assert np.array_equal(found[name][view, target], expected[name]), (name, view, target)
+            for name in ("fraction", "occluder_shares"):
+                assert np.allclose(found[name][view, target], expected[name], rtol=0, atol=one), (name, view)
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_pixel_counts_are_those_of_object_visibility(device, caster):
+    scene, poses = desk(device), cameras()
+    expected = wv.object_visibility(scene, CAMERA, poses, caster=caster)
+    found = wv.visible_fractions(scene, CAMERA, poses, min_samples=1, caster=caster)
+    for name, other in {"visible_pixels": "", "silhouette_pixels": "", "fraction": "", "box": "visible_box"}.items():
+        assert np.array_equal(getattr(found, name).numpy(), getattr(expected, other or name).numpy()), name
+    assert np.array_equal(found.occluders.numpy()[..., 0], expected.occluder.numpy())
+
+
+def finer(camera, factor):
+    values = {name: getattr(camera, name) * factor for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    return dataclasses.replace(camera, **values)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_bound_the_difference_from_supersampling(seed):
+    """Against 64 samples a pixel; the bound includes that of the supersampled fraction."""
+    scene, rng = room(seed)
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.05, far=10.0)
+    eyes = rng.uniform(-1, 1, (8, 3)) + np.array([3.0, 0.0, 1.5])
+    poses = np.stack([wv.look_at(eye, rng.uniform(-0.5, 0.5, 3)) for eye in eyes])
+    coarse = values(wv.visible_fractions(scene, camera, poses, min_samples=1))
+    fine = values(wv.visible_fractions(scene, finer(camera, 8), poses, min_samples=1))
+    difference = np.abs(coarse["fraction"] - fine["fraction"])
+    assert (difference <= coarse["error"] + fine["error"]).all()
+    sampled = values(wv.visible_fractions(scene, camera, poses, min_samples=1024))
+    assert (np.abs(sampled["fraction"] - fine["fraction"]) <= sampled["error"] + fine["error"]).all()
+    small = (fine["silhouette_pixels"] > 0) & (coarse["silhouette_pixels"] < 256)
+    assert small.any() and sampled["error"][small].mean() < 0.5 * coarse["error"][small].mean()
+
+
+def test_objects_smaller_than_a_pixel_have_a_fraction(device):
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((0.04, 0.04, 0.04)), name="bead", pose=(0.001, 0.001, 3, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.1, 0.1, 0.01)), name="card", pose=(0.051, 0, 2, 0, 0, 0, 1))
+    found = values(wv.visible_fractions(scene, CAMERA, (0, 0, 0, 0, 0, 0, 1), objects=["bead"], min_samples=1024))
+    assert found["visible_pixels"][0, 0] == 0 and found["status"][0, 0] == wv.Visibility.VISIBLE
+    edge = 2.98 * 0.001 / 1.995  # of the card's shadow on the front of the bead [m]
+    assert abs(found["fraction"][0, 0] - (edge + 0.019) / 0.04) < 0.02 < found["error"][0, 0] < 0.2
+
+
+def test_worlds_and_exclusions(device):
+    """A card moves out of the way, or is excluded."""
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.icosphere(2, 0.1), name="ball", movable=True, pose=(0, 0, 2, 0, 0, 0, 1))
+    scene.add(trimesh.creation.box((0.5, 0.5, 0.01)), name="card", movable=True, pose=(0, 0, 1, 0, 0, 0, 1))
+    poses, eye = np.stack([item.pose for item in scene.objects]), np.array([0, 0, 0, 0, 0, 0, 1.0])
+    moved = poses.copy()
+    moved[1, 0] = 1.0
+    meter = FractionMeter(scene, wv.Camera.from_fov(64, 48, hfov=1.0), objects=["ball"])
+    found = meter.measure([eye] * 3, object_poses=np.stack([poses, moved]), world_index=[0, 1, 0])
+    assert np.array_equal(found.fraction.numpy().ravel(), [0, 1, 0])
+    assert np.array_equal(found.occluders.numpy()[:, 0, 0], [1, -1, 1])
+    assert np.allclose(found.occluder_shares.numpy()[:, 0, 0], [1, 0, 1])
+    assert meter.measure(eye, exclude=["card"]).fraction.numpy()[0, 0] == 1
+    excluded = meter.measure(eye, exclude=["ball"])
+    assert excluded.fraction.numpy()[0, 0] == 0 and excluded.status.numpy()[0, 0] == wv.Visibility.OUT_OF_VIEW
+
+
+def test_results_do_not_depend_on_threads_and_batches(monkeypatch):
+    scene, rng = room(7, 16)
+    camera = wv.Camera.from_fov(160, 120, hfov=1.0)
+    poses = np.stack([wv.look_at(rng.uniform(-3, 3, 3), rng.uniform(-0.5, 0.5, 3)) for _ in range(12)])
+    expected = values(wv.visible_fractions(scene, camera, poses, threads=1))
+    several = values(wv.visible_fractions(scene, camera, poses, threads=3))
+    from warpvis.visibility import _fractions
+
+    monkeypatch.setattr(_fractions, "_CPU_BYTES", 20000)
+    batches = values(wv.visible_fractions(scene, camera, poses, threads=2))
+    for name, array in expected.items():
+        assert np.array_equal(array, several[name]) and np.array_equal(array, batches[name]), name
+
+
+def test_meters_follow_changes_of_the_scene(device):
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.icosphere(2, 0.1), name="ball", pose=(0, 0, 2, 0, 0, 0, 1))
+    meter = FractionMeter(scene, wv.Camera.from_fov(64, 48, hfov=1.0), objects=["ball"])
+    eye = (0, 0, 0, 0, 0, 0, 1)
+    assert meter.measure(eye).fraction.numpy()[0, 0] == 1
+    scene.add(trimesh.creation.box((0.5, 0.5, 0.01)), name="card", pose=(0, 0, 1, 0, 0, 0, 1))
+    found = meter.measure(eye)
+    assert found.fraction.numpy()[0, 0] == 0 and found.occluders.numpy()[0, 0, 0] == 1
+
+
+def test_no_views_and_no_occluders(device):
+    scene = desk(device)
+    none = wv.visible_fractions(scene, CAMERA, np.empty((0, 7)), occluders=0)
+    assert none.fraction.shape == (0, len(scene)) and none.occluders.shape == (0, len(scene), 0)
+    found = wv.visible_fractions(scene, CAMERA, cameras(), occluders=0)
+    assert found.occluder_shares.shape == (4, len(scene), 0)
+
+
+def test_cuda_graphs_replay_with_new_poses(cuda):
+    scene = desk(cuda)
+    meter = FractionMeter(scene, CAMERA, objects=["ball", "cart"])
+    poses = wp.array(cameras(), dtype=wp.transform, device=cuda)
+    meter.measure(poses)
+    with wp.ScopedCapture(cuda) as capture:
+        found = meter.measure(poses)
+    others = cameras()[::-1].copy()
+    poses.assign(others)
+    wp.capture_launch(capture.graph)
+    assert np.array_equal(found.fraction.numpy(), meter.measure(others).fraction.numpy())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"objects": []}, "objects must be one or more objects of the scene, got none"),
+        ({"objects": {}}, "objects must be one or more objects of the scene, got none"),
+        ({"objects": ["bal"]}, "bal"),
+        ({"objects": [["ball", "ball"]]}, "objects must be one or more distinct objects of the scene"),
+        ({"min_samples": 0}, "min_samples must be"),
+        ({"min_samples": 10**6}, "min_samples must be at most 16384, got 1000000"),
+        ({"occluders": -1}, "occluders must be"),
+        ({"canvas": (1, 2)}, "canvas must be four whole numbers of pixels"),
+    ],
+)
+def test_invalid_input_is_one_sentence(options, message):
+    with pytest.raises(WarpvisError, match=message):
+        wv.visible_fractions(desk(), CAMERA, cameras(), **options)
+
+
+def test_lenses_are_refused():
+    lens = wv.cameras.LensCamera(wv.cameras.lenses.KannalaBrandt(20, 20, 20, 15), 40, 30)
+    with pytest.raises(WarpvisError, match=r"camera must be a warpvis\.Camera, got LensCamera; object_visibility"):
+        wv.visible_fractions(desk(), lens, cameras())

@@ -1,0 +1,324 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Visible fractions of many objects in many views: only the pixels that an object may cover are cast."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.arrays import aligned_zeros, empty
+from warpvis.core.checks import as_items, check_whole
+from warpvis.core.kernel_cache import launch
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.threads import check_threads, launch_images, launch_shared, pack_launch, write_fields
+from warpvis.core.types import ArrayInput, Excluded, KernelArguments, ObjectPoses, PoseLike
+from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.kernels.constants import FRACTION_COUNTERS, JOB_COUNTERS
+from warpvis.rendering import CasterName, choose_caster
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
+from warpvis.visibility._objects import check_canvas, choose_objects
+from warpvis.visibility._silhouettes import spread_worlds
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.pinhole import Window
+
+Targets = Sequence[str | int | Sequence[str | int]] | Mapping[str, str | int | Sequence[str | int]]
+"""Objects by name or index; several objects that are measured as one in a list; with a name of their own in a dict."""
+
+# Maximum size of the counters of a batch of views [bytes].
+_CPU_BYTES, _CUDA_BYTES = 1 << 26, 1 << 30
+_MAX_SAMPLES = 1 << 14
+# Fewer targets than this in a call are measured by the calling thread: waking another one takes longer.
+_FEW_TARGETS = 8
+# Threads of a GPU that share a target in a view.
+_CUDA_THREADS = 32
+_RESULTS = {
+    "fraction": wp.float32,
+    "error": wp.float32,
+    "image_share": wp.float32,
+    "status": wp.uint8,
+    "box": wp.vec4i,
+    "visible_pixels": wp.int32,
+    "silhouette_pixels": wp.int32,
+}
+
+
+@dataclass(frozen=True)
+class ObjectFractions:
+    """Visible fractions of K targets in V views: `wp.array`s on the scene's device, indexed ``[view, target]``."""
+
+    names: tuple[str, ...]
+    """Names of the targets."""
+    fraction: wp.array
+    """Visible share of the silhouette, ``(V, K)`` float32; 0 without a silhouette."""
+    error: wp.array
+    """Bound of the error of `fraction` that sampling causes, ``(V, K)`` float32; see `visible_fractions`."""
+    image_share: wp.array
+    """Share of the image that shows the target, ``(V, K)`` float32."""
+    status: wp.array
+    """`Visibility.VISIBLE` if any sample is visible, or the reason that applies to most samples in the image: OCCLUDED,
+    TOO_NEAR, TOO_FAR, or OUT_OF_VIEW if there are none, ``(V, K)`` uint8."""
+    box: wp.array
+    """Bounding box of the visible pixels: x, y, width and height [px], all -1 if there are none, ``(V, K)`` vec4i."""
+    visible_pixels: wp.array
+    """Pixels whose centers show the target, ``(V, K)`` int32."""
+    silhouette_pixels: wp.array
+    """Pixels of the canvas whose centers show the target without other objects, ``(V, K)`` int32."""
+    occluders: wp.array
+    """Indices of the objects that hide most of the target, in descending order, -1 for none, ``(V, K, T)`` int32."""
+    occluder_shares: wp.array
+    """Share of the silhouette that each of them hides, ``(V, K, T)`` float32."""
+
+
+class FractionMeter:
+    """Measures visible fractions of the same targets in repeated calls; one thread may use it at a time."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        *,
+        objects: Targets | None = None,
+        canvas: tuple[int, int, int, int] | None = None,
+        min_samples: int = 256,
+        occluders: int = 3,
+        caster: CasterName = "auto",
+        threads: int | None = None,
+    ) -> None:
+        """Set up the meter; arguments as for `visible_fractions`."""
+        from warpvis.kernels.visibility.fractions import Sampling, Targets as DeviceTargets
+
+        require_scene(scene).require_objects()
+        if not isinstance(camera, Camera):
+            raise CameraError(
+                f"camera must be a warpvis.Camera, got {type(camera).__name__}; object_visibility takes lenses"
+            )
+        self._scene, self._camera, self._device = scene, camera, scene.device
+        self.names, groups = _parse_targets(scene, objects)
+        self._min_samples = check_whole(min_samples, "min_samples")
+        if self._min_samples > _MAX_SAMPLES:
+            raise ArrayError(f"min_samples must be at most {_MAX_SAMPLES}, got {min_samples}")
+        self._occluders = check_whole(occluders, "occluders", minimum=0)
+        self._threads = check_threads(threads)
+        self._packets = choose_caster(caster, camera) == "packets" and scene.device.is_cpu
+        self._targets = DeviceTargets()
+        self._targets.first = wp.array(np.cumsum([0, *map(len, groups)]), dtype=wp.int32, device=self._device)
+        members = [index for group in groups for index in group]
+        self._targets.members = wp.array(members, dtype=wp.int32, device=self._device)
+        self._read_scene(scene.isolated())
+        self._sampling = Sampling()
+        canvas_struct, sides = self._sampling.canvas, check_canvas(canvas, camera)
+        canvas_struct.x0, canvas_struct.y0 = -sides[0], -sides[1]
+        canvas_struct.x1, canvas_struct.y1 = camera.width + sides[2], camera.height + sides[3]
+        self._sampling.min_samples = self._min_samples
+        self._sampling.threads = 1 if self._device.is_cpu else _CUDA_THREADS
+
+    def _read_scene(self, isolated: Scene) -> None:
+        """Prepare for the scene as it is, in which each object has a frame in `isolated`."""
+        self._isolated = isolated
+        self._columns = wp.array(pose_columns(self._scene), dtype=wp.int32, device=self._device)
+        boxes = isolated.bvh().struct.movable_boxes
+        self._targets.boxes = boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
+        self._workspaces: dict[int, _Workspace] = {}
+
+    def measure(
+        self,
+        camera_to_world: PoseLike,
+        *,
+        object_poses: ObjectPoses = None,
+        world_index: ArrayInput | None = None,
+        exclude: Excluded = None,
+        convention: Convention = "opencv",
+        quaternion: QuaternionOrder = "xyzw",
+    ) -> ObjectFractions:
+        """Measure the targets in views; arguments as for `visible_fractions`."""
+        camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+        poses = parse_poses(camera_to_world, convention=convention, device=self._device)
+        return self.measure_parsed(poses, parse_worlds(self._scene, len(poses), object_poses, world_index, exclude))
+
+    def measure_parsed(self, poses: wp.array, worlds: Worlds) -> ObjectFractions:
+        """Measure the targets at parsed poses in parsed worlds."""
+        from warpvis.kernels.visibility.fractions import judge_fractions
+
+        views, count, device = len(poses), len(self.names), self._device
+        isolated = self._scene.isolated()
+        if isolated is not self._isolated:  # the scene has changed
+            self._read_scene(isolated)
+        result = self._allocate(views, count)
+        spread = spread_worlds(self._isolated, self._columns, worlds)
+        max_bytes = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
+        step = max(1, max_bytes // (4 * count * (FRACTION_COUNTERS + len(self._scene))))
+        for start in range(0, views, step):
+            part = slice(start, min(start + step, views))
+            size = part.stop - part.start
+            whole = size == views
+            counts = wp.zeros((FRACTION_COUNTERS, size, count), dtype=wp.int32, device=device)
+            hidden_by = wp.zeros((size, count, len(self._scene)), dtype=wp.int32, device=device)
+            part_worlds, part_spread = (worlds, spread) if whole else (part_of(worlds, part), part_of(spread, part))
+            self._count(poses if whole else poses[part], part_worlds, part_spread, counts, hidden_by)
+            arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
+            outs = arrays if whole else [array[part] for array in arrays]
+            inputs = [counts, hidden_by, self._camera.width * self._camera.height, *outs]
+            launch(judge_fractions, (size, count), inputs, device)
+        return result
+
+    def _allocate(self, views: int, count: int) -> ObjectFractions:
+        arrays = {
+            name: empty((views, count), dtype, name=name, device=self._device) for name, dtype in _RESULTS.items()
+        }
+        shape = (views, count, self._occluders)
+        arrays["occluders"] = empty(shape, wp.int32, name="occluders", device=self._device)
+        arrays["occluder_shares"] = empty(shape, wp.float32, name="occluder_shares", device=self._device)
+        return ObjectFractions(self.names, **arrays)
+
+    def _count(self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array) -> None:
+        """Add the samples of views to the counters; see `warpvis.kernels.visibility.fractions.measure_fractions`."""
+        if self._packets:
+            units = len(poses) * len(self.names)
+            workers = 1 if units < _FEW_TARGETS else min(self._threads, units)
+            workspace = self._workspaces.get(workers) or self._workspaces.setdefault(workers, _Workspace(self, workers))
+            workspace.run(poses, worlds, spread, counts, hidden_by)
+            return
+        from warpvis.kernels.visibility.fractions import measure_fractions
+
+        scene, isolated = self._scene.triangles().struct, self._isolated.triangles().struct
+        camera = self._camera.device_struct()
+
+        def arguments(window: Window) -> KernelArguments:
+            inputs = [self._sampling, worlds, spread, counts, hidden_by]
+            return [scene, isolated, self._targets, camera, poses, window, *inputs]
+
+        shape = (len(poses), len(self.names), self._sampling.threads)
+        launch_images(measure_fractions, shape, arguments, device=self._device, threads=self._threads)
+
+
+class _Workspace:
+    """A packed launch of packets and the memory of its workers."""
+
+    def __init__(self, meter: FractionMeter, workers: int) -> None:
+        from warpvis.kernels.casting.packets import WorkerMemory
+        from warpvis.kernels.visibility.fraction_packets import FractionCall, measure_fractions_packets
+
+        self._meter, self._workers = meter, workers
+        self._counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
+        self._call = FractionCall()
+        self._shared = shared = WorkerMemory()  # whose arrays the call points to
+        shared.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
+        shared.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
+        sampling: Any = meter._sampling
+        write_fields(self._call, targets=meter._targets, camera=meter._camera.device_struct(), workers=shared)
+        write_fields(self._call, canvas=sampling.canvas, min_samples=sampling.min_samples)
+        write_fields(self._call, scene=meter._scene.bvh().struct, isolated=meter._isolated.bvh().struct)
+        empty_counts = wp.zeros((1, 1, 1), dtype=wp.int32, device="cpu")
+        self._launch = pack_launch(measure_fractions_packets, [self._call, empty_counts, empty_counts])
+        self._launch.launch()  # without scratch memory, it only writes the size that it needs to `scratch_bytes`
+        shared.scratch = aligned_zeros((workers, int(shared.scratch_bytes.numpy()[0])), wp.uint8)
+        write_fields(self._call, workers=shared)
+
+    def run(self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array) -> None:
+        """Count the samples of all targets in all views."""
+        meter = self._meter
+        write_fields(self._call, scene=meter._scene.bvh().struct, poses=poses, worlds=worlds, spread_worlds=spread)
+        self._launch.set_param_at_index(1, counts)
+        self._launch.set_param_at_index(2, hidden_by)
+        launch_shared(self._launch, self._counter, self._workers)
+
+
+def visible_fractions(
+    scene: Scene,
+    camera: Camera,
+    camera_to_world: PoseLike,
+    *,
+    objects: Targets | None = None,
+    canvas: tuple[int, int, int, int] | None = None,
+    min_samples: int = 256,
+    occluders: int = 3,
+    object_poses: ObjectPoses = None,
+    world_index: ArrayInput | None = None,
+    exclude: Excluded = None,
+    convention: Convention = "opencv",
+    quaternion: QuaternionOrder = "xyzw",
+    caster: CasterName = "auto",
+    threads: int | None = None,
+) -> ObjectFractions:
+    """Measure how much of each object is visible in many views and worlds, and what hides the rest.
+
+    An object's visible fraction is its visible area in the image divided by the area of its silhouette, which it covers
+    without other objects on a canvas larger than the image. Rays are cast only where the object may be. They pass
+    through pixel centers; objects whose bounding box covers few pixels are sampled more finely, by an odd number of
+    rays along the side of a pixel.
+
+    `ObjectFractions.error` bounds the difference from the exact areas if no surface or gap is thinner than the distance
+    of adjacent rays: between adjacent rays that differ (outside, hidden, visible), half of a ray's area is uncertain.
+    Typical errors are much smaller.
+
+    Surfaces that coincide with the object do not hide it. For repeated calls, use a `FractionMeter`. Nothing is copied
+    to the host. `object_visibility` has the quantities of BOP's toolkit, masks, tolerances for measured depth, and
+    lenses.
+
+    Args:
+        scene: The scene.
+        camera: Image size, intrinsics and depth range of all views.
+        camera_to_world: Poses, as for `Renderer.render`.
+        objects: The targets: names or indices of objects; a list among them is measured as one object, the union of its
+            members. A dict gives names to targets: ``{"mug": ["mug_body", "mug_handle"]}``. All objects by default.
+        canvas: Extension of the canvas beyond the image's left, top, right and bottom border [px]; by default the
+            image's width and height on each side, as in BOP.
+        min_samples: Minimum number of rays through the rectangle that an object may cover, up to 63 x 63 rays a pixel;
+            1 for pixel centers only.
+        occluders: Number T of occluders to return for each target.
+        object_poses: As for `Renderer.render`.
+        world_index: As for `Renderer.render`.
+        exclude: As for `Renderer.render`. An object has no samples in views that exclude it.
+        convention: Axes of the camera frame of the poses.
+        quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
+        caster: As for `Renderer`.
+        threads: CPU threads to use; all cores of this process by default.
+    """
+    meter = FractionMeter(
+        scene,
+        camera,
+        objects=objects,
+        canvas=canvas,
+        min_samples=min_samples,
+        occluders=occluders,
+        caster=caster,
+        threads=threads,
+    )
+    return meter.measure(
+        camera_to_world,
+        object_poses=object_poses,
+        world_index=world_index,
+        exclude=exclude,
+        convention=convention,
+        quaternion=quaternion,
+    )
+
+
+def _parse_targets(scene: Scene, objects: Targets | None) -> tuple[tuple[str, ...], list[list[int]]]:
+    """Return the names of targets and the indices of their objects."""
+    if isinstance(objects, Mapping):
+        if not objects:
+            raise SceneError("objects must be one or more objects of the scene, got none")
+        groups = [_members(scene, value) for value in objects.values()]
+        return tuple(map(str, objects)), groups
+    if objects is None:
+        return tuple(item.name for item in scene.objects), [[index] for index in range(len(scene))]
+    items = as_items(objects, "objects", SceneError)
+    if not len(items):
+        raise SceneError("objects must be one or more objects of the scene, got none")
+    groups = [_members(scene, item) for item in items]
+    return tuple("+".join(scene.objects[index].name for index in group) for group in groups), groups
+
+
+def _members(scene: Scene, item: str | int | Sequence[str | int]) -> list[int]:
+    return sorted(choose_objects(scene, [item] if isinstance(item, str | int | np.integer) else item))
