@@ -51,6 +51,7 @@ def tools_cases(folder):
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
     covered = planned.coverage(seen, CAMERA, POSE)
+    placed = planned.place_cameras(seen, CAMERA, POSE, [[3, 0, 0]], 1)
     eye = wv.webots.DepthEye(RangeFinder())
     state = wv.viewer.ViewerState(seen, agents(), points=100)
     arm = wv.viewer.ViewerState(wv.viewer.MujocoStage(_ARM), agents(), points=100)
@@ -191,6 +192,31 @@ def tools_cases(folder):
                 "end_tolerance": 0.1,
                 **one,
             },
+        ),
+        "place_cameras": (
+            planned.place_cameras,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "candidates": [POSE],
+                "targets": [[3, 0, 0]],
+                "k": 1,
+                "at_least": 1,
+                "weights": [1.0],
+                "fixed": [POSE],
+                "method": "exact",
+                "time_limit": 9.0,
+                "occupancy": None,
+                "tolerance": 0.1,
+                "convention": "opencv",
+                "quaternion": "xyzw",
+                **one,
+            },
+        ),
+        "Placement.blind_spots": (placed.blind_spots, {"at_least": 1}),
+        "unknown_targets": (
+            planned.unknown_targets,
+            {"occupancy": wv.OccupancyMap(cell_size=0.1), "bounds": [(0, 0, 0), (1, 1, 1)]},
         ),
         "pose_grid": (
             planned.pose_grid,

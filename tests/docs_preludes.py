@@ -156,6 +156,9 @@ def _visibility(folder):
 
     scene = _room()
     scene.export(folder / "room.glb")
+    occupancy = wv.OccupancyMap(cell_size=0.1)
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0)
+    occupancy.integrate(wv.render(_room(), camera, _poses(1)).depth, camera, _poses(1))
     _save_poses(folder / "poses.txt")
     write_tum(folder / "rgbd_dataset_freiburg1_desk", count=2)
     return {
@@ -169,6 +172,9 @@ def _visibility(folder):
         "targets": np.array([[3, 0.4, 0.1], [2.5, 1.5, 0.2]]),
         "points": np.array([[0.5, 0.4, 0.1], [1.0, 0.5, 0.2]]),
         "bounds": ((0, 0, 0), (0.4, 0.4, 0.4)),
+        "visitor": trimesh.creation.cylinder(0.2, 1.7),
+        "walks": np.array([[(x, 1, 0.85, 0, 0, 0, 1)] for x in (0.5, 1.0, 1.5)]),
+        "occupancy": occupancy,
     }
 
 

@@ -86,6 +86,7 @@ from reference_mirrors import (  # noqa: F401
     mirror_views,
 )
 from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
+from reference_moving_occluders import clear_hidden_worlds  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,
     geom_sizes,

@@ -74,6 +74,7 @@ RESULTS = {
     "OccupancyGrid",
     "Perspective",
     "PlanVisibility",
+    "Placement",
     "Proposal",
     "Livox",
     "MeasuredFrame",
@@ -215,7 +216,7 @@ NAMES = (
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "Constraint check_ Box Shell Support sample_ "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "Measured Occupancy read_tracks Track Watch Randomized Reference "
+    "place_ Placement unknown_ Measured Occupancy read_tracks Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "
     "range_ recog segm Li bpearl even "
     "hdl64e Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "

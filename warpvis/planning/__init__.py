@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""View planning: best views, coverage, constraints, free space, minimum heights, and proposals for a robot."""
+"""View planning: best views, places for cameras, coverage, constraints, free space, heights, and proposals."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from warpvis.planning._check_constraints import check_constraints
 from warpvis.planning._constraints import Constraint, ConstraintCheck, Term
 from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
 from warpvis.planning._free_space import clearance, inside_solids as inside_solids, minimum_height, standing_room
+from warpvis.planning._placement import Placement, place_cameras, unknown_targets
 from warpvis.planning._regions import BoxRegion, ShellRegion, SupportRegion
 from warpvis.planning._sample_views import SampledPoses, sample_objects, sample_views
 
@@ -25,6 +26,7 @@ __all__ = [
     "Constraint",
     "ConstraintCheck",
     "Coverage",
+    "Placement",
     "Proposal",
     "SampledPoses",
     "Samples",
@@ -36,10 +38,12 @@ __all__ = [
     "clearance",
     "coverage",
     "minimum_height",
+    "place_cameras",
     "pose_grid",
     "propose_view",
     "sample_objects",
     "sample_views",
     "standing_room",
     "surface_samples",
+    "unknown_targets",
 ]

@@ -203,7 +203,7 @@ def best_views(
     if len(poses) != 1:
         raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
     surroundings: dict[str, Any] = {"object_poses": poses if scene.movable else None}
-    surroundings["exclude"] = _check_exclude(exclude)
+    surroundings["exclude"] = check_exclude(exclude)
     free = np.isfinite(lengths)
     if radius is not None:
         free &= standing_room(scene, rows, radius=radius, floor=floor, **surroundings)
@@ -281,7 +281,8 @@ def _check_weights(weights: ArrayLike | None, count: int) -> NDArray[np.float64]
     return numbers
 
 
-def _check_exclude(exclude: Excluded) -> list[str | int] | None:
+def check_exclude(exclude: Excluded) -> list[str | int] | None:
+    """Check names or indices of objects that are excluded for all candidates, and return them; None for none."""
     if exclude is None:
         return None
     items = as_items(exclude, "exclude")

@@ -195,7 +195,7 @@ def coverage(
     worlds = parse_worlds(scene, len(poses), object_poses, None, exclude)
     hidden: wp.array | None = worlds.excluded if worlds.excluded is not None and worlds.excluded.size else None
     samples = _read_samples(scene, samples, object_poses, hidden)
-    areas = samples.areas * _read_weights(weights, len(samples))
+    areas = samples.areas * read_weights(weights, len(samples))
     if not areas.any():
         raise ArrayError("weights and areas of samples must not all be zero")
     places = wp.array(samples.points, dtype=wp.vec3, device=device)
@@ -286,23 +286,29 @@ def _read_samples(
         if not len(in_view):
             raise SceneError("exclude must not contain all objects if no samples are given")
         return surface_samples(scene, objects=in_view.tolist(), object_poses=object_poses)
+    return read_points(samples, "samples", scene.device)
+
+
+def read_points(samples: Samples | ArrayInput, name: str, device: wp.Device) -> Samples:
+    """Check samples, or points in the world frame, which become samples of area 1 m^2 without an object."""
     positions = samples.points if isinstance(samples, Samples) else samples
-    points = as_points(positions, "samples", "N", scene.device).numpy()
+    points = as_points(positions, name, "N", device).numpy()
     if not len(points):
-        raise ArrayError("samples must be at least one, got 0")
+        raise ArrayError(f"{name} must be at least one, got 0")
     if isinstance(samples, Samples):
         if np.shape(samples.areas) != (len(points),):
-            raise ArrayError(f"areas of samples must have shape ({len(points)},), got {np.shape(samples.areas)}")
+            raise ArrayError(f"areas of {name} must have shape ({len(points)},), got {np.shape(samples.areas)}")
         return samples
     return Samples(points, np.full_like(points, np.nan), np.ones(len(points)), np.full(len(points), -1, dtype=np.int32))
 
 
-def _read_weights(weights: ArrayInput | None, count: int) -> NDArray[np.float64]:
+def read_weights(weights: ArrayInput | None, count: int, noun: str = "sample") -> NDArray[np.float64]:
+    """Check the weights of samples, or of what `noun` names, and return them; ones if None."""
     if weights is None:
         return np.ones(count)
     factors = as_numpy(weights, name="weights").astype(np.float64)
     if factors.shape != (count,):
-        raise ArrayError(f"weights must have shape ({count},), one for every sample, got {factors.shape}")
+        raise ArrayError(f"weights must have shape ({count},), one for every {noun}, got {factors.shape}")
     bad = np.flatnonzero(~(np.isfinite(factors) & (factors >= 0)))
     if len(bad):
         raise ArrayError(f"weights must be finite and not negative: {len(bad)} are not, the first at {bad[0]}")
