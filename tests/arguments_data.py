@@ -43,6 +43,10 @@ def data_cases(folder):
         "scene_option": mujoco.MjvOption(),
         "device": "cpu",
     }
+    watch = {"bodies": ["cup"], "camera": "front", "width": 8, "height": 6, "subtree": True}
+    watch |= {"movable": "bodies", "scene_option": mujoco.MjvOption(), "device": "cpu"}
+    reward = {"weight": 0.5, "mode": "constraint", "target": (0.5, 1.0), "shaped": True, "discount": 0.9}
+    reward["replace"] = True
     model = {
         "mesh_tolerance": 5e-4,
         "labels": {"ball": "object"},
@@ -153,6 +157,30 @@ def data_cases(folder):
                 "threads": 1,
             },
         ),
+        "gymnasium.VisibilityReward": (
+            wrappers.VisibilityReward,
+            {"env": Cup(), **watch, **reward, "threads": 1},
+        ),
+        "gymnasium.VisibleFractions": (wrappers.VisibleFractions, {"env": Cup(), **watch, "threads": 1}),
+        "gymnasium.VectorVisibilityReward": (
+            wrappers.VectorVisibilityReward,
+            {
+                "env": gym.vector.SyncVectorEnv([partial(make_cup, "PoseObservation")]),
+                **watch,
+                **reward,
+                "keep_poses": True,
+                "threads": 1,
+            },
+        ),
+        "gymnasium.VectorVisibleFractions": (
+            wrappers.VectorVisibleFractions,
+            {
+                "env": gym.vector.SyncVectorEnv([partial(make_cup, "PoseObservation")]),
+                **watch,
+                "keep_poses": True,
+                "threads": 1,
+            },
+        ),
         # warpvis.mujoco
         "BatchRenderer": (
             wv.mujoco.BatchRenderer,
@@ -184,6 +212,19 @@ def data_cases(folder):
         "BatchRenderer.render": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).render,
             {"poses": data, "cameras": ["eye"], "worlds": None, "model": {"cam_fovy": [[50]]}, "out": None},
+        ),
+        "BatchRenderer.visibility": (
+            wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8).visibility,
+            {
+                "poses": data,
+                "bodies": [1],
+                "cameras": ["eye"],
+                "subtree": True,
+                "shaped": True,
+                "canvas": (8, 6, 8, 6),
+                "worlds": None,
+                "model": {"cam_fovy": [[50]]},
+            },
         ),
         "BatchRenderer.render, sensor": (
             wv.mujoco.BatchRenderer(MODEL, 1, height=6, width=8, sensor=wv.sensors.StereoDepth(0.05, sigma=0.1)).render,

@@ -11,6 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from reference_body_visibility import (  # noqa: F401
+    angle_to_image,
+    body_centers,
+    distance_to_free,
+    exclude_others,
+    measure_body,
+    shape_values,
+)
 from reference_building import (  # noqa: F401
     BINS,
     begin_tree,

@@ -56,6 +56,7 @@ RESULTS = {
     "Frame",
     "OutputSpec",
     "BatchViews",
+    "BodyVisibility",
     "BestViews",
     "Candidate",
     "ConstraintCheck",
@@ -183,6 +184,14 @@ OURS = {
     "PoseObservation.reset",
     "VectorDepthObservation.reset",
     "VectorDepthObservation.step",
+    "VectorVisibilityReward.reset",
+    "VectorVisibilityReward.step",
+    "VectorVisibleFractions.reset",
+    "VectorVisibleFractions.step",
+    "VisibilityReward.reset",
+    "VisibilityReward.step",
+    "VisibleFractions.reset",
+    "VisibleFractions.step",
 }
 
 

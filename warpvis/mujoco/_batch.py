@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Unpack, cast, get_args
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, Unpack, cast, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -15,12 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
 from warpvis.core.arrays import as_numpy
-from warpvis.core.checks import check_choice, check_whole
+from warpvis.core.checks import check_choice, check_flag, check_whole
 from warpvis.core.labels import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_elements import SoftElements, Tendons
 from warpvis.mujoco._batch_views import (
+    BatchCamera,
     BatchViews,
     CameraChoice,
     Workplace,
@@ -29,6 +30,15 @@ from warpvis.mujoco._batch_views import (
     look_up_objects,
     look_up_pairs,
     views_by_intrinsics,
+)
+from warpvis.mujoco._body_visibility import (
+    BodyMeter,
+    BodyVisibility,
+    by_world,
+    check_canvas,
+    check_shaped,
+    choose_bodies,
+    members_of_bodies,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
@@ -59,6 +69,21 @@ from warpvis.scene.world_appearances import WorldAppearances
 # Largest number of cached choices of cameras and worlds, and of cached intrinsics.
 _MAX_PLACES = 16
 _MAX_RENDERERS = 64
+
+
+class _Prepared(NamedTuple):
+    """The worlds of a call."""
+
+    source: PoseSource
+    indices: NDArray[np.int32]
+    models: WorldModels | None
+    rows: NDArray[np.int32]
+    """Rows of the worlds in `models`."""
+    key: Hashable
+    """The key of the workplace."""
+    place: Workplace
+    groups: dict[PlanarCamera, NDArray[np.int64]]
+    """Views by their intrinsics."""
 
 
 class BatchRenderer:
@@ -175,6 +200,7 @@ class BatchRenderer:
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._renderers: dict[PlanarCamera, GeomRenderer] = {}
+        self._meter = BodyMeter(self.scene, self._coinciding, self._render_options)
         self._free_workplaces = Pool(_MAX_PLACES)
 
     @property
@@ -245,33 +271,115 @@ class BatchRenderer:
         if self._appearance is not None:
             self._appearance.follow()
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
+        prepared = self._prepare(poses, chosen, worlds, model)
+        place, indices, rows = prepared.place, prepared.indices, prepared.rows
+        device, count = self.scene.device, len(indices)
+        place.looks = None
+        if self._appearance is not None:
+            place.looks = self._appearance.of_worlds(appearances, prepared.source, prepared.models, (indices, rows))
+        shape = (len(chosen) * count, self.height, self.width)
+        views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
+        drawn = self._number(rows, len(chosen), frame, view_index)
+        self._for_each_group(prepared, lambda camera, members: self._cast(camera, place, members, drawn, views))
+        self._free_workplaces.give_back(prepared.key, place)
+        return views
+
+    def visibility(
+        self,
+        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
+        *,
+        bodies: Sequence[str | int],
+        cameras: CameraChoice | Sequence[CameraChoice] | None = None,
+        subtree: bool = False,
+        shaped: bool = False,
+        canvas: Sequence[int] | None = None,
+        worlds: ArrayLike | None = None,
+        model: object | None = None,
+    ) -> BodyVisibility:
+        """Measure how much of some bodies is visible in some cameras in some worlds, and what hides the rest.
+
+        A pixel counts as visible if `render` shows a geom of the body there. Fractions are relative to the pixels that
+        the body would cover if it were alone in the world, as for `warpvis.object_visibility`.
+
+        Args:
+            poses: As for `render`, and so are `cameras`, `worlds` and `model`.
+            bodies: Names or ids of bodies, each with all its rendered geoms and sites.
+            cameras: The cameras.
+            subtree: Whether bodies include their descendants.
+            shaped: Whether to compute `BodyVisibility.shaped`; all cameras must then be perspective.
+            canvas: Extension of the canvas of silhouettes beyond the image's left, top, right and bottom border [px];
+                by default the image's width and height on each side. With ``(0, 0, 0, 0)``, a fraction is that of the
+                part inside the image, and takes less time.
+            worlds: The worlds.
+            model: Fields that differ between worlds.
+
+        Raises:
+            SceneError: If a body does not exist or has no rendered geoms.
+            CameraError: If a camera does not exist.
+            ArrayError: If poses, worlds, `canvas` or `model` do not fit.
+        """
+        chosen = choose_cameras(self.model, cameras, self.width, self.height)
+        for camera in chosen:
+            check_shaped(camera.intrinsics, shaped=shaped)
+        sides = check_canvas(canvas, self.width, self.height)
+        ids, of_objects = choose_bodies(self.model, bodies), self._bodies_of_objects()
+        parts = members_of_bodies(self.model, ids, of_objects, subtree=check_flag(subtree, "subtree"))
+        members = wp.array(parts, dtype=wp.uint8, device=self.scene.device)
+        prepared = self._prepare(poses, chosen, worlds, model)
+        count = len(prepared.indices)
+        found = self._meter.allocate((len(chosen) * count, len(ids)), shaped=shaped)
+
+        def measure(camera: PlanarCamera, views: NDArray[np.int64]) -> None:
+            self._meter.measure(camera, sides, prepared.place, views, members, found)
+
+        self._for_each_group(prepared, measure)
+        self._free_workplaces.give_back(prepared.key, prepared.place)
+        names = tuple(self.model.body(body).name for body in ids)
+        return BodyVisibility(tuple(ids), names, **by_world(found, len(chosen), count))
+
+    def _bodies_of_objects(self) -> NDArray[np.int32]:
+        """List the body of every object of the scene; -1 for those without a body."""
+        numbers, bodies = self._numbers_of_objects(), np.append(shape_bodies(self.model), -1)
+        return bodies[np.where(numbers < len(bodies) - 1, numbers, -1)].astype(np.int32)
+
+    def _prepare(
+        self,
+        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
+        chosen: list[BatchCamera],
+        worlds: ArrayLike | None,
+        model: object | None,
+    ) -> _Prepared:
+        """Read the poses of a call, and write those of objects and cameras into a workplace."""
         kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
         kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
-        poses, indices, models, rows = self._read_worlds(poses, worlds, model, kinds)
+        source, indices, models, rows = self._read_worlds(poses, worlds, model, kinds)
         for fixed in self._fixed:
-            fixed.check(poses, indices)
-        device, count = self.scene.device, len(indices)
+            fixed.check(source, indices)
+        device = self.scene.device
         # Work on another stream may still use the memory.
         stream = None if device.is_cpu else device.stream.cuda_stream
         key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
         place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
         if models is None and self._appearance is not None and self._appearance.colors_changed:
             models = WorldModels(self.model, {}, int(rows.max()) + 1)
-        fovy = self._place(place, poses, models, rows)
-        place.looks = None
-        if self._appearance is not None:
-            place.looks = self._appearance.of_worlds(appearances, poses, models, (indices, rows))
+        fovy = self._place(place, source, models, rows)
         groups = views_by_intrinsics(self.model, chosen, fovy, rows)
-        shape = (len(chosen) * count, self.height, self.width)
-        views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
-        drawn = self._number(rows, len(chosen), frame, view_index)
-        if len(self._soft):
-            self._cast_soft(poses, indices, place, groups, drawn, views)
-        else:
-            for camera, members in groups.items():
-                self._cast(camera, place, members, drawn, views)
-        self._free_workplaces.give_back(key, place)
-        return views
+        return _Prepared(source, indices, models, rows, key, place, groups)
+
+    def _for_each_group(self, prepared: _Prepared, work: Callable[[PlanarCamera, NDArray[np.int64]], None]) -> None:
+        """Do some work for the views of each camera; world by world if skins or flexes have other vertices in each."""
+        if not len(self._soft):
+            for camera, views in prepared.groups.items():
+                work(camera, views)
+            return
+        count = len(prepared.indices)
+        with self._soft.reading(prepared.source) as soft:
+            for row, world in enumerate(prepared.indices.tolist()):
+                soft.show(world)
+                for camera, members in prepared.groups.items():
+                    views = members[members % count == row]
+                    if len(views):
+                        work(camera, views)
 
     def _number(
         self,
@@ -407,24 +515,6 @@ class BatchRenderer:
         part = renderer.render_sizes(select(eyes), **options)
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
-
-    def _cast_soft(
-        self,
-        poses: PoseSource,
-        worlds: NDArray[np.int32],
-        place: Workplace,
-        groups: Mapping[PlanarCamera, NDArray[np.int64]],
-        drawn: NDArray[np.int64] | None,
-        out: Views,
-    ) -> None:
-        """Render the worlds one by one, each with the vertices of its skins and flexes."""
-        with self._soft.reading(poses) as soft:
-            for row, world in enumerate(worlds.tolist()):
-                soft.show(world)
-                for camera, members in groups.items():
-                    views = members[members % len(worlds) == row]
-                    if len(views):
-                        self._cast(camera, place, views, drawn, out)
 
     def _read_worlds(
         self,

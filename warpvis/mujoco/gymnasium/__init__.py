@@ -21,7 +21,18 @@ from warpvis.mujoco.gymnasium._environments import PoseObservation
 from warpvis.mujoco.gymnasium._frames import RenderFrames
 from warpvis.mujoco.gymnasium._observation import DepthObservation
 from warpvis.mujoco.gymnasium._vector import VectorDepthObservation
+from warpvis.mujoco.gymnasium._vector_visibility import VectorVisibilityReward, VectorVisibleFractions
+from warpvis.mujoco.gymnasium._visibility import VisibilityReward, VisibleFractions
 
 del gymnasium
 
-__all__ = ["DepthObservation", "PoseObservation", "RenderFrames", "VectorDepthObservation"]
+__all__ = [
+    "DepthObservation",
+    "PoseObservation",
+    "RenderFrames",
+    "VectorDepthObservation",
+    "VectorVisibilityReward",
+    "VectorVisibleFractions",
+    "VisibilityReward",
+    "VisibleFractions",
+]

@@ -234,6 +234,27 @@ def shown_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
     return colors
 
 
+def model_changes(
+    rows: NDArray[np.float32], layout: PoseLayout, model: mujoco.MjModel, colors: NDArray[np.float32]
+) -> dict[str, np.ndarray]:
+    """Return the differences of W rows of poses from a model and its `shown_colors`, for `BatchRenderer.render`."""
+    changes = dict[str, np.ndarray]()
+    fovy = rows[:, layout.fovy]
+    if (fovy != model.cam_fovy.astype(np.float32)).any():
+        changes["cam_fovy"] = fovy
+    found = rows[:, layout.colors].reshape(len(rows), model.ngeom, 4)
+    if (found != colors).any():
+        new = np.argwhere((found[..., 3] > 0) & ~(colors[:, 3] > 0))
+        if len(new):
+            world, geom = new[0].tolist()
+            raise SceneError(
+                f"geom {geom} ({model.geom(geom).name!r}) must be visible when the vector wrapper is created, got one "
+                f"that becomes visible later in environment {world}; wrap each environment by itself instead"
+            )
+        changes["geom_rgba"] = found
+    return changes
+
+
 def shape_digest(model: mujoco.MjModel) -> bytes:
     """Return a digest of the fields that determine the shapes of a scene."""
     digest = hashlib.blake2b(digest_size=16)

@@ -192,7 +192,7 @@ def _without_sites() -> mujoco.MjvOption:
 class ImageRenderer(MujocoRenderer):
     """A `warpvis.mujoco.Renderer` that computes depth, segmentation and visible fractions at once."""
 
-    _fractions: VisibleFractions | None = None
+    _fractions: FractionCounter | None = None
 
     def images(self, outputs: Outputs, draws: NDArray[np.uint32]) -> dict[str, np.ndarray]:
         """Render the scene of the last `update_scene`: images ``(H, W)`` and visible fractions ``(objects,)`` by name.
@@ -221,7 +221,7 @@ class ImageRenderer(MujocoRenderer):
             hidden[:, stage.hidden] = True
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
             if self._fractions is None or self._fractions.scene is not stage.scene:
-                self._fractions = VisibleFractions(stage.scene, self._threads)
+                self._fractions = FractionCounter(stage.scene, self._threads)
             entries[FRACTION] = self._fractions.count(camera, segmentation[None], members, eye, places, hidden)[0]
         return entries
 
@@ -364,7 +364,7 @@ def _depth_bounds(fill: Fill, cameras: Sequence[PlanarCamera], *, sensed: bool) 
     return min(fill, 0.0), max(fill, far)
 
 
-class VisibleFractions:
+class FractionCounter:
     """Computes visible fractions of objects of several geoms with overlapping silhouettes.
 
     `warpvis.object_visibility` does so for single objects. As there, the canvas of silhouettes is three times as wide

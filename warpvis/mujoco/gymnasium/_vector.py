@@ -24,6 +24,7 @@ from warpvis.mujoco.gymnasium._environments import (
     POSES,
     PoseLayout,
     from_halves,
+    model_changes,
     shown_colors,
     view_draws,
     with_entries,
@@ -32,14 +33,14 @@ from warpvis.mujoco.gymnasium._observation import (
     FRACTION,
     SEGMENTATION,
     Channels,
+    FractionCounter,
     Outputs,
     Segmentation,
-    VisibleFractions,
     shapes_of_objects,
 )
 from warpvis.rendering import ColorOptions, DepthSensor, Fill
 
-_FINAL = "final_obs"
+FINAL = "final_obs"
 
 
 class VectorDepthObservation(gym.vector.VectorWrapper):
@@ -85,16 +86,9 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         cores available to the process, since workers are idle during rendering. A sensor has the same noise for each
         environment.
         """
-        if not isinstance(env, gym.vector.VectorEnv):
-            raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
+        single = require_poses(env)
         super().__init__(env)
-        single = env.single_observation_space
-        if not isinstance(single, spaces.Dict) or POSES not in single.spaces:
-            raise SceneError(
-                "every environment must be wrapped in warpvis.mujoco.gymnasium.PoseObservation, the last of those that "
-                "change observations"
-            )
-        model = _shared_model(env)
+        model = shared_model(env)
         self._layout = PoseLayout(model)
         shared: dict[str, Any] = {"width": width, "height": height, "fill": fill, "sensor": sensor}
         chosen: dict[str, Any] = {"camera": camera, "outputs": outputs, "channels": channels}
@@ -103,7 +97,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
         self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared, **colors)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
-        self._fractions = VisibleFractions(self._batch.scene, threads)
+        self._fractions = FractionCounter(self._batch.scene, threads)
         self._colors = shown_colors(model)
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
         self.single_observation_space = with_entries(remaining, self._outputs.spaces)
@@ -124,7 +118,7 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
 
     def _with_images(self, observations: Any, infos: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Replace the poses of observations and final observations by images."""
-        final: Sequence[Any] = infos.get(_FINAL, ())
+        final: Sequence[Any] = infos.get(FINAL, ())
         ended = [index for index, one in enumerate(final) if one is not None]
         entries = self._render(np.concatenate([observations[POSES], *(final[index][POSES][None] for index in ended)]))
         images = {name: part[: self.num_envs] for name, part in entries.items()}
@@ -133,12 +127,12 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         last = np.full(len(final), None)
         for place, index in enumerate(ended, self.num_envs):
             last[index] = _replace_poses(final[index], {name: part[place].copy() for name, part in entries.items()})
-        return _replace_poses(observations, images), infos | {_FINAL: last}
+        return _replace_poses(observations, images), infos | {FINAL: last}
 
     def _render(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
         """Render the entries of W rows of poses, with a leading axis of length W."""
         outputs, count = self._outputs, len(rows)
-        poses, changes = self._layout.read(rows), self._changes(rows)
+        poses, changes = self._layout.read(rows), model_changes(rows, self._layout, self._batch.model, self._colors)
         options: dict[str, Any] = {"cameras": outputs.cameras, "model": changes or None}
         if outputs.sensor is not None:
             draws = view_draws(from_halves(rows[:, self._layout.draws]), len(self._chosen))
@@ -158,25 +152,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
             entries[FRACTION] = fractions.reshape(*shape[:2], -1)
         return outputs.entries(entries, axis=1)
-
-    def _changes(self, rows: NDArray[np.float32]) -> dict[str, np.ndarray]:
-        """Return the differences from the model, for `BatchRenderer.render`."""
-        model, changes = self._batch.model, dict[str, np.ndarray]()
-        fovy = rows[:, self._layout.fovy]
-        if (fovy != model.cam_fovy.astype(np.float32)).any():
-            changes["cam_fovy"] = fovy
-        colors = rows[:, self._layout.colors].reshape(len(rows), model.ngeom, 4)
-        if (colors != self._colors).any():
-            new = np.argwhere((colors[..., 3] > 0) & ~(self._colors[:, 3] > 0))
-            if len(new):
-                world, geom = new[0].tolist()
-                raise SceneError(
-                    f"geom {geom} ({model.geom(geom).name!r}) must be visible when the VectorDepthObservation is "
-                    f"created, got one that becomes visible later in environment {world}; "
-                    "wrap each in a DepthObservation instead"
-                )
-            changes["geom_rgba"] = colors
-        return changes
 
     def _count(
         self,
@@ -215,7 +190,20 @@ def _replace_poses(observation: dict[str, Any], images: dict[str, np.ndarray]) -
     return {name: value for name, value in observation.items() if name != POSES} | images
 
 
-def _shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
+def require_poses(env: gym.vector.VectorEnv) -> spaces.Dict:
+    """Return the space of an environment's observations, or raise a `SceneError` if these have no poses."""
+    if not isinstance(env, gym.vector.VectorEnv):
+        raise SceneError(f"env must be a gymnasium.vector.VectorEnv, got {type(env).__name__}")
+    single = env.single_observation_space
+    if not isinstance(single, spaces.Dict) or POSES not in single.spaces:
+        raise SceneError(
+            "every environment must be wrapped in warpvis.mujoco.gymnasium.PoseObservation, the last of those that "
+            "change observations"
+        )
+    return single
+
+
+def shared_model(env: gym.vector.VectorEnv) -> mujoco.MjModel:
     """Return the model that the environments share."""
     base = env.unwrapped
     if not hasattr(base, "call") or not hasattr(base, "set_attr"):
