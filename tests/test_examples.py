@@ -38,6 +38,8 @@ SAYS = {
     r"robot: occluded, measured occluded\n  ball for the human: visible, measured unknown 100%\nexperiment_3(.|\n)*"
     r"robot: visible, measured visible \d+%\n.*out of view\nexperiment_4(.|\n)*robot: occluded, measured occluded\n",
     "motion.py": r"de-skewing 65536 points moves them by up to 2\.7\d m",
+    "sample_views.py": r"\d+ places of the mug tried, \d+ accepted; most failed by the status of 'mug' for 'robot'\n"
+    r"\d+ cameras tried, \d+ accepted, \d+ of them refined",
     "sensor_fit.py": r"6 walls; f b (.|\n)*sigma of disparity +0\.0(79|80)\d* px\nstep of disparity +0\.031",
     "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
