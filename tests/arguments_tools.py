@@ -214,6 +214,10 @@ def tools_cases(folder):
             },
         ),
         "Placement.blind_spots": (placed.blind_spots, {"at_least": 1}),
+        "save_placement": (
+            wv.viz.save_placement,
+            {"scene": seen, "placement": placed, "path": path.with_suffix(".png"), "cell_size": 0.5, "title": "a map"},
+        ),
         "unknown_targets": (
             planned.unknown_targets,
             {"occupancy": wv.OccupancyMap(cell_size=0.1), "bounds": [(0, 0, 0), (1, 1, 1)]},

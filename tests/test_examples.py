@@ -44,6 +44,8 @@ SAYS = {
     "time_of_flight.py": r"least coherence 0\.9: 4\.3% of the pixels say nothing(.|\n)*least coherence 0\.0: 4\.0%",
     "mujoco_depth.py": r"the bob shows on \d+ pixels, 2\.\d+ m away.*\nof 512 views the bob shows in 512",
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
+    "place_cameras.py": r"1584 candidates, 6150 targets, 120 worlds\n"
+    r"chosen: \[3, .*objective 0\.89\d, at most 0\.96\d\ntwo cameras see 8\d",
     "randomized_worlds.py": r"12 worlds in randomized_worlds\.png",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",
 }

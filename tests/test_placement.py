@@ -199,7 +199,7 @@ def test_a_person_who_walks(method):
     assert found.counts.tolist() == [[0, 0, 1], [1, 1, 1], [1, 1, 1]]
     assert found.gains.tolist() == pytest.approx([4 / 9, 3 / 9])
     assert found.fraction == pytest.approx(7 / 9)
-    assert found.bound == pytest.approx(7 / 9)
+    assert found.bound == found.reachable == pytest.approx(7 / 9)
     assert found.covered_fraction == pytest.approx(7 / 9)
     assert found.blind_spots().tolist() == [[0, 0], [0, 1]]
     assert found.share_by_target().tolist() == pytest.approx([2 / 3, 2 / 3, 1])
@@ -253,6 +253,26 @@ def test_next_views_of_a_map():
     assert found.fraction > 0
     with pytest.raises(wv.WarpvisError, match=r"^occupancy must be a warpvis\.OccupancyMap, got Scene$"):
         unknown_targets(scene)
+
+
+def test_pictures(tmp_path):
+    """The map has the share of worlds of its targets, weighted, and NaN without targets."""
+    from warpvis.viz._placement import _map_shares
+
+    scene, poses = wall_between()
+    walk = np.tile(np.array([9, 9, 0.5, *STILL]), (4, 1, 1))
+    walk[0, 0, :2] = -1, 0
+    points = [(-1, 0.02, 0.02), (1, 0.02, 0.02), (1, 0.03, 5.0)]  # the third one is above the cameras
+    found = place_cameras(scene, CAMERA, poses, points, 2, object_poses=walk, weights=[1, 3, 1], fixed=poses[2])
+    shares, bounds = _map_shares(found, [0, 1], 0.5)
+    assert bounds == (-1.0, 1.5, 0.0, 0.5)
+    np.testing.assert_allclose(shares, [[0.75, np.nan, np.nan, np.nan, 0.75]])
+    wv.viz.save_placement(scene, found, tmp_path / "placed.png", cell_size=0.1)
+    assert (tmp_path / "placed.png").stat().st_size > 10_000
+    with pytest.raises(wv.WarpvisError, match=r"^placement must be a result of planning\.place_cameras, got int$"):
+        wv.viz.save_placement(scene, 3, tmp_path / "placed.png")
+    with pytest.raises(wv.WarpvisError, match=r"^cell_size must give at most 1e\+07 cells, got .*; use larger cells$"):
+        wv.viz.save_placement(scene, found, tmp_path / "placed.png", cell_size=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,8 @@ class Placement:
     """Share of the objective that the fixed cameras achieve alone."""
     bound: float
     """Upper bound of `fraction` for any choice of k candidates."""
+    reachable: float
+    """Share of the objective that all candidates and fixed cameras together achieve."""
     counts: NDArray[np.uint16] = field(repr=False)
     """Number of cameras, chosen or fixed, that see each target in each world, shape ``(T, N)``."""
     at_least: int
@@ -102,6 +104,7 @@ class Placement:
             "fixed_share": self.fixed_share,
             "fraction": self.fraction,
             "bound": self.bound,
+            "reachable": self.reachable,
             "at_least": self.at_least,
             "covered_fraction": self.covered_fraction,
             "num_worlds": len(self.counts),
@@ -199,12 +202,14 @@ def place_cameras(
     existing = list(range(len(poses), len(poses) + len(standing)))
     tally = tally_of(pairs, existing, len(samples), at_least)
     fixed_share = tally.value(shares)
+    reachable = tally_of(pairs, range(len(poses) + len(standing)), len(samples), at_least).value(shares)
     choice = _choose(pairs, tally, len(poses), shares, int(k), method, time_limit)
     return Placement(
         np.array(choice.order, dtype=np.int64),
         np.array(choice.gains),
         fixed_share,
-        min(choice.bound, 1.0 + _ROUNDING),
+        max(min(choice.bound, reachable), fixed_share + sum(choice.gains)),
+        reachable,
         _count(pairs, choice.order + existing, len(samples)),
         at_least,
         factors,

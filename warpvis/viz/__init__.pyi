@@ -18,4 +18,5 @@ from ._overview import (
     view_from_outside as view_from_outside,
 )
 from ._perspective import save_perspective as save_perspective
+from ._placement import save_placement as save_placement
 from ._sensor_fits import save_sensor_fit as save_sensor_fit
