@@ -301,3 +301,30 @@ def test_object_that_does_not_fit(scene):
 def test_wrong_regions(make, message):
     with pytest.raises(wv.WarpvisError, match=message):
         make()
+
+
+def test_failures_of_conditions_with_the_same_name_add_up(scene):
+    twice = {"cup": [Constraint(distance=(0.5, None)), Constraint(distance=(None, 0.6))]}
+    found = sample_views(scene, CAMERA, twice, SHELL, 20, 0, agents=[(wv.Agent("camera", CAMERA, ROBOT.poses), twice)],
+                         max_tries=200, partial=True)  # fmt: skip
+    assert sum(found.failures.values()) == found.tries - found.accepted == 200
+
+
+def test_scene_with_y_up():
+    made = wv.Scene(device="cpu", up="y")
+    made.add(trimesh.creation.box((1, 0.8, 1.6)), name="table", pose=(2, 0.4, 0, 0, 0, 0, 1))
+    made.add(trimesh.creation.box((0.1, 0.14, 0.1)), name="cup", pose=(0, 3, 0, 0, 0, 0, 1), movable=True)
+    shell = ShellRegion("cup", (0.5, 1.0), azimuth=(0.0, 0.1), elevation=(0.3, 0.4))
+    found = sample_views(made, CAMERA, {"cup": (0.9, 1)}, shell, 20, 5, move={"cup": SupportRegion("table")})
+    offsets = found.poses[:, :3] - found.object_poses[:, 0, :3]
+    np.testing.assert_allclose(found.object_poses[:, 0, 1], 0.87, atol=1e-6)
+    assert (offsets[:, 1] > 0).all()
+    assert (offsets[:, 2] > np.abs(offsets[:, 0])).all()  # the floor's first axis is z
+    assert (poses_to_matrices(found.poses)[:, 1, 1] < 0).all()
+
+
+def test_lens_camera(scene):
+    lens = wv.cameras.LensCamera(wv.cameras.lenses.OpenCVPinhole(35, 35, 20, 15, (0.01, 0, 0, 0)), 40, 30)
+    found = sample_views(scene, lens, {"cup": (0.3, 0.7)}, SHELL, 3, 0)
+    fraction = wv.object_visibility(scene, lens, found.poses, objects=["cup"]).fraction.numpy()
+    assert ((fraction >= 0.3 - 1e-6) & (fraction <= 0.7 + 1e-6)).all()

@@ -265,7 +265,10 @@ class _Sampler:
                 tries, accepted, refined = tries + used, accepted + int(met.sum()), refined + int(met.sum())
             size *= 2
         poses, rows = (np.concatenate(parts)[:count] for parts in zip(*found, strict=True))
-        failures = {name: int(number) for name, number in zip(names, failed, strict=True) if number}
+        failures: dict[str, int] = {}
+        for name, number in zip(names, failed.tolist(), strict=True):
+            if number:  # several conditions may have one name
+                failures[name] = failures.get(name, 0) + number
         result = SampledPoses(poses, rows if self.moved else None, tries, accepted, refined, failures)
         if len(rows) < count and not partial:
             worst = result.hardest
