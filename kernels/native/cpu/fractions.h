@@ -213,14 +213,14 @@ struct Fractions {
             crosses |= behind > 0 && behind < 8;
         });
         const int* canvas = request.canvas;
-        if (crosses) return SampleWindow{1, canvas[0], canvas[1], canvas[2], canvas[3]};
-        return SampleWindow::of(low, high, request);
+        if (crosses) return SampleWindow::all(canvas);
+        return SampleWindow::of(low, high, canvas, request.min_samples);
     }
 
     inline void measure(const World& world, const World& apart, const SampleWindow& window, int view, int target,
                         int* hidden_by, FractionCounts& counts) const {
         const Pose pose = job.pose_of(view);
-        Job part = window.job_of(job);
+        Job part = job_of(window, job);
         part.far = __builtin_inff();  // surfaces beyond the range occlude, too
         const View complete = View::of<PIXEL_RAYS>(scene, part, world, pose);
         const View single = View::of<PIXEL_RAYS>(isolated, part, apart, pose);
