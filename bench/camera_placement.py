@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measure `planning.place_cameras`: 2,000 candidates, 5,000 targets, and 200 worlds of five people in a hall.
 
-``python bench/camera_placement.py`` prints the time of the whole call, of visibility and of the choice, and compares
-`--checked` worlds with `point_visibility`. ``--solids`` makes people capsules with exact surfaces in place of meshes.
+``python bench/camera_placement.py`` prints the time of a call for the first world and for all, and compares `--checked`
+worlds with `point_visibility`. ``--solids`` makes people capsules with exact surfaces in place of meshes, and
+``--directions 1`` puts each candidate at another place: cameras at one place share their lines of sight.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ def main() -> None:
     """Print times, and whether the results agree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--candidates", type=int, default=2000)
+    parser.add_argument("--directions", type=int, default=8, help="candidates at each place")
     parser.add_argument("--targets", type=int, default=5000)
     parser.add_argument("--worlds", type=int, default=200)
     parser.add_argument("--checked", type=int, default=1)
@@ -52,8 +54,9 @@ def main() -> None:
     args = parser.parse_args()
     rng = np.random.default_rng(0)
     scene = hall(rng, args.device, exact=args.solids)
-    places = rng.uniform((-4.9, -3.9, 2.2), (4.9, 3.9, 2.9), (args.candidates, 3))
-    toward = places * [0.3, 0.3, 0] + np.c_[rng.normal(0, 1, (args.candidates, 2)), np.full(args.candidates, 0.5)]
+    places = rng.uniform((-4.9, -3.9, 2.2), (4.9, 3.9, 2.9), (-(-args.candidates // args.directions), 3))
+    places = np.repeat(places, args.directions, axis=0)[: args.candidates]
+    toward = places + rng.normal(0, 1, places.shape) * [1, 1, 0] - [0, 0, 0.8]
     poses = np.array([wv.look_at(*line) for line in zip(places, toward, strict=True)])
     targets = rng.uniform((-4.9, -3.9, 0.0), (4.9, 3.9, 1.0), (args.targets, 3))
     walks = np.zeros((args.worlds, PEOPLE, 7))

@@ -90,6 +90,18 @@ def test_visibility_in_worlds_matches_point_visibility(device, worlds):
         assert (expected.any(axis=2) & ~expected.all(axis=2)).mean() > 0.1
 
 
+def test_cameras_at_one_place_share_their_lines_of_sight(device):
+    rng = np.random.default_rng(9)
+    rows = random_poses(rng, 40, len(MESHES))
+    scene = build(device, rows[0], movable=True)
+    places = eyes(3)[[0, 1, 0, 2, 1, 0], :3]
+    poses = np.array([wv.look_at(place, rng.normal(0, 0.7, 3)) for place in places])
+    points = rng.uniform((-2, -2, 0), (2, 2, 1.5), (150, 3)).astype(np.float32)
+    expected = seen_by_world(scene, CAMERA, poses, points, rows)
+    assert (unpack(find(scene, CAMERA, poses, points, rows), 6, 150) == expected).all()
+    assert (expected[0] & expected[2]).any()
+
+
 def test_objects_that_do_not_move_and_excluded_ones(device):
     rng = np.random.default_rng(4)
     rows = random_poses(rng, 6, len(MESHES))

@@ -173,9 +173,10 @@ def _clear_hidden(
     occluders = MovingOccluders()
     occluders.tree = tree.id
     occluders.movable = wp.array(moving, dtype=wp.int32, device=device)
-    cameras = np.repeat(np.arange(len(poses), dtype=np.int32), np.diff(pairs.starts))
-    indices = wp.array(np.stack([cameras, pairs.targets], axis=1), dtype=wp.int32, device=device)
-    halves = pairs.words.view(np.uint32)
+    lines, line_of = _distinct_lines(poses, pairs, len(points))
+    words = pairs.words if line_of is None else np.repeat(full_words(pairs.worlds)[None], len(lines), axis=0)
+    halves = words.view(np.uint32)
+    indices = wp.array(lines, dtype=wp.int32, device=device)
     seen = wp.array(halves, dtype=wp.uint32, device=device, copy=False)
     triangles, outputs = scene.triangles().struct, [points, indices, tolerance, seen]
     launch_points(
@@ -187,6 +188,23 @@ def _clear_hidden(
     )
     if not device.is_cpu:
         halves[:] = seen.numpy()
+    if line_of is not None:
+        np.take(words, line_of, axis=0, out=pairs.words)
+
+
+def _distinct_lines(
+    poses: wp.array, pairs: SeenPairs, targets: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64] | None]:
+    """Return a camera and a target for each distinct line of sight, and the line of each pair; None if all differ.
+
+    Cameras at one place that look in several directions share their lines.
+    """
+    places, first, place_of = np.unique(poses.numpy()[:, :3], axis=0, return_index=True, return_inverse=True)
+    counts = np.diff(pairs.starts)
+    if len(places) == len(counts):
+        return np.stack([np.repeat(np.arange(len(counts)), counts), pairs.targets], axis=1), None
+    lines, line_of = np.unique(np.repeat(place_of.ravel() * targets, counts) + pairs.targets, return_inverse=True)
+    return np.stack([first[lines // targets], lines % targets], axis=1), line_of.ravel()
 
 
 def _boxes(
