@@ -5,11 +5,14 @@
 import mujoco
 import numpy as np
 import pytest
+import warp as wp
 from gymnasium_environments import MJCF
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import ArrayError, SceneError
+from warpvis.kernels.constants import SILHOUETTE_COUNTERS
+from warpvis.kernels.mujoco import body_visibility as kernels
 from warpvis.mujoco import BatchRenderer, camera_poses
 
 import reference
@@ -160,6 +163,57 @@ def test_worlds_that_hide_geoms_or_see_wider(device):
     chosen = batch.visibility(worlds, bodies=["mug"], worlds=[2, 0]).fraction.numpy()
     assert np.array_equal(chosen, batch.visibility(worlds, bodies=["mug"]).fraction.numpy()[[2, 0]])
     assert np.array_equal(chosen, batch.visibility([worlds[2], worlds[0]], bodies=["mug"]).fraction.numpy())
+
+
+def test_kernels_equal_their_references(device):
+    rng, (left, top, right, bottom), (height, width) = np.random.default_rng(0), (3, 2, 1, 4), (7, 9)
+    camera = wv.Camera(width, height, 8, 8, 4.5, 3.5, near=1, far=3)
+    members = np.array([0, 1, 1, 0, 0], dtype=np.uint8)
+    segmentation = rng.integers(-1, 5, (2, height, width)).astype(np.int32)
+    depth = rng.uniform(0.5, 3.5, segmentation.shape).astype(np.float32)
+    isolated = rng.uniform(0.5, 3.5, (2, height + top + bottom, width + left + right)).astype(np.float32)
+    isolated[rng.random(isolated.shape) < 0.5] = np.inf
+
+    def on_device(array, **dtype):
+        return wp.array(array, device=device, **dtype)
+
+    counts = wp.zeros((SILHOUETTE_COUNTERS, 2, 1), dtype=wp.int32, device=device)
+    hidden_by = wp.zeros((2, 1, 5), dtype=wp.int32, device=device)
+    inputs = [on_device(array) for array in (segmentation, depth, isolated, members)]
+    inputs += [left, top, camera.near, camera.far, 0, counts, hidden_by]
+    wp.launch(kernels.measure_body, dim=isolated.shape[:2], inputs=inputs, device=device)
+    order = "visible", "image", "canvas", "near", "far"
+    for view in range(2):
+        given = segmentation[view], depth[view], isolated[view], members, left, top, camera
+        masks = reference.measure_body(*given)
+        assert counts.numpy()[:5, view, 0].tolist() == [masks[name].sum() for name in order]
+        by = np.bincount(segmentation[view][masks["hidden"]], minlength=5)
+        assert hidden_by.numpy()[view, 0].tolist() == by.tolist()
+
+    hidden = rng.integers(0, 2, (2, 5)).astype(np.uint8)
+    for given in (None, hidden):
+        excluded = wp.zeros((2, 5), dtype=wp.uint8, device=device)
+        inputs = [on_device(members), None if given is None else on_device(given), excluded]
+        wp.launch(kernels.exclude_others, dim=(2, 5), inputs=inputs, device=device)
+        assert np.array_equal(excluded.numpy(), reference.exclude_others(members, given, 2))
+
+    poses = rng.normal(size=(2, 3, 7)).astype(np.float32)
+    poses[..., 3:] /= np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    local, columns = rng.normal(size=(5, 3)).astype(np.float32), np.array([0, -1, 2, 2, 1], dtype=np.int32)
+    groups, worlds = np.stack([members, 1 - members]), np.array([1, 0, 1], dtype=np.int32)
+    centers = wp.zeros((3, 2), dtype=wp.vec3, device=device)
+    inputs = [
+        on_device(local, dtype=wp.vec3),
+        on_device(columns),
+        on_device(poses, dtype=wp.transform),
+        on_device(worlds),
+    ]
+    inputs += [on_device(groups), centers]
+    wp.launch(kernels.body_centers, dim=(3, 2), inputs=inputs, device=device)
+    for view, world in enumerate(worlds):
+        frames = np.where(columns[:, None, None] < 0, np.eye(4), poses_to_matrices(poses[world])[columns])
+        placed = (frames[:, :3, :3] @ local[..., None])[..., 0] + frames[:, :3, 3]
+        assert np.allclose(centers.numpy()[view], reference.body_centers(placed, groups), atol=1e-5)
 
 
 def test_bodies_without_geoms_and_other_bad_input():

@@ -15,6 +15,8 @@ SAYS = {
     "gymnasium_depth.py": r"(Fetch|Pusher)[\w-]+: observations have .*depth, .*\nafter 50 steps show \d+% of object.*\n"
     r"4 environments: depth \(4, 64, 64\) float32",
     "gymnasium_rgbd.py": r"NatureCNN \(12, 64, 64\)\n(\d+ steps, \d+ s: episodes of \d+ steps\n){5}",
+    "active_camera.py": r"shaped, seed 0: (9\d|100)% of the mug visible at the end, (.|\n)*"
+    r"shaped, seed 1: (9\d|100)% of the mug(.|\n)*sparse, seed 0: [0-4]?\d% of the mug",
     "torch_depth.py": r"a tensor \(32, 64, 64\) on (cpu|cuda:0), of the same memory\n"
     r"the error fell from 0\.\d+ to 0\.0[01]\d, of shares of 0\.09",
     "aloha_perspective.py": r"spoon +object +hidden by pot +hidden by pot +neither\n"
