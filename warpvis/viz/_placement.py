@@ -54,7 +54,7 @@ def save_placement(
     axes = [(vertical + 1) % 3, (vertical + 2) % 3]
     shares, bounds = _map_shares(placement, axes, cell_size)
     figure = new_figure(10, 5.2, gap=0.08)
-    panels = figure.subplot_mosaic([["map", "cameras"], ["map", "worlds"]], width_ratios=[1.75, 1])
+    panels: dict[str, Axes] = figure.subplot_mosaic([["map", "cameras"], ["map", "worlds"]], width_ratios=[1.75, 1])
     below = f"at least {placement.at_least} cameras see" if placement.at_least > 1 else "a camera sees"
     image = panels["map"].imshow(
         shares, origin="lower", extent=bounds, cmap="viridis", vmin=0, vmax=1, interpolation="nearest"
