@@ -67,7 +67,12 @@ from reference_edges import average_samples, list_edges, place_samples  # noqa: 
 from reference_fattening import fatten_surfaces, find_nearest_in_rows  # noqa: F401
 from reference_floor_map import finish_map, mark_cells  # noqa: F401
 from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
-from reference_fractions import judge_fractions, measure_fractions, measure_fractions_packets  # noqa: F401
+from reference_fractions import (  # noqa: F401
+    judge_fractions,
+    measure_fractions,
+    measure_fractions_packets,
+    measure_fractions_packets_cuda,
+)
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_kinect_noise import (  # noqa: F401

@@ -92,7 +92,7 @@ def measure_fractions(
     return Samples(across, x0 - 1, y0 - 1, silhouette, visible, in_image, near, far, shown.objects)
 
 
-measure_fractions_packets = measure_fractions
+measure_fractions_packets = measure_fractions_packets_cuda = measure_fractions
 
 
 def _edges(states: NDArray) -> int:

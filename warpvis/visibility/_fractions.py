@@ -19,7 +19,7 @@ from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images, launch_shared, pack_launch, write_fields
 from warpvis.core.types import ArrayInput, Excluded, KernelArguments, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
-from warpvis.kernels.constants import FRACTION_COUNTERS, JOB_COUNTERS
+from warpvis.kernels.constants import CUDA_LANES, FRACTION_COUNTERS, JOB_COUNTERS
 from warpvis.rendering import CasterName, choose_caster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
@@ -38,8 +38,12 @@ _CPU_BYTES, _CUDA_BYTES = 1 << 26, 1 << 30
 _MAX_SAMPLES = 1 << 14
 # Fewer targets than this in a call are measured by the calling thread: waking another one takes longer.
 _FEW_TARGETS = 8
-# Threads of a GPU that share a target in a view.
+# Threads of a GPU that share a target in a view, by rays; and by packets, the number of warps that fill it, and limits
+# of the warps that share a target.
 _CUDA_THREADS = 32
+_CUDA_WARPS, _MIN_PARTS, _MAX_PARTS = 1 << 17, 4, 256
+# Maximum number of objects with separate frames for packets on a GPU, which test all of them.
+_MAX_OBJECTS = 1024
 _RESULTS = {
     "fraction": wp.float32,
     "error": wp.float32,
@@ -108,7 +112,7 @@ class FractionMeter:
             raise ArrayError(f"min_samples must be at most {_MAX_SAMPLES}, got {min_samples}")
         self._occluders = check_whole(occluders, "occluders", minimum=0)
         self._threads = check_threads(threads)
-        self._packets = choose_caster(caster, camera) == "packets" and scene.device.is_cpu
+        self._caster = choose_caster(caster, camera)
         self._targets = DeviceTargets()
         self._targets.first = wp.array(np.cumsum([0, *map(len, groups)]), dtype=wp.int32, device=self._device)
         members = [index for group in groups for index in group]
@@ -119,7 +123,6 @@ class FractionMeter:
         canvas_struct.x0, canvas_struct.y0 = -sides[0], -sides[1]
         canvas_struct.x1, canvas_struct.y1 = camera.width + sides[2], camera.height + sides[3]
         self._sampling.min_samples = self._min_samples
-        self._sampling.threads = 1 if self._device.is_cpu else _CUDA_THREADS
 
     def _read_scene(self, isolated: Scene) -> None:
         """Prepare for the scene as it is, in which each object has a frame in `isolated`."""
@@ -182,16 +185,20 @@ class FractionMeter:
 
     def _count(self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array) -> None:
         """Add the samples of views to the counters; see `warpvis.kernels.visibility.fractions.measure_fractions`."""
-        if self._packets:
+        if self._caster == "packets" and self._device.is_cpu:
             units = len(poses) * len(self.names)
             workers = 1 if units < _FEW_TARGETS else min(self._threads, units)
             workspace = self._workspaces.get(workers) or self._workspaces.setdefault(workers, _Workspace(self, workers))
             workspace.run(poses, worlds, spread, counts, hidden_by)
             return
+        if self._caster == "packets" and self._scene.bvh().struct.drawn_count <= _MAX_OBJECTS:
+            self._count_by_warps(poses, worlds, spread, counts, hidden_by)
+            return
         from warpvis.kernels.visibility.fractions import measure_fractions
 
         scene, isolated = self._scene.triangles().struct, self._isolated.triangles().struct
         camera = self._camera.device_struct()
+        self._sampling.threads = 1 if self._device.is_cpu else _CUDA_THREADS
 
         def arguments(window: Window) -> KernelArguments:
             inputs = [self._sampling, worlds, spread, counts, hidden_by]
@@ -199,6 +206,20 @@ class FractionMeter:
 
         shape = (len(poses), len(self.names), self._sampling.threads)
         launch_images(measure_fractions, shape, arguments, device=self._device, threads=self._threads)
+
+    def _count_by_warps(
+        self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array
+    ) -> None:
+        from warpvis.kernels.casting.packets_cuda import FoundObjects
+        from warpvis.kernels.visibility.fraction_packets_cuda import measure_fractions_packets_cuda
+
+        pairs = len(poses) * len(self.names)
+        self._sampling.threads = min(max(_MIN_PARTS, _CUDA_WARPS // max(pairs, 1)), _MAX_PARTS)
+        scenes = [self._scene.bvh().struct, self._isolated.bvh().struct]
+        inputs = [*scenes, self._targets, self._camera.device_struct(), poses, self._sampling, worlds, spread]
+        size = (self._sampling.threads, len(poses), len(self.names), CUDA_LANES)
+        inputs += [FoundObjects(), counts, hidden_by]
+        launch(measure_fractions_packets_cuda, size, inputs, self._device, block_dim=CUDA_LANES)
 
 
 class _Workspace:

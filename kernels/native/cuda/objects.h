@@ -123,14 +123,22 @@ struct ObjectPass {
         Warp::sync();
     }
 
+    // Number of objects in the queue (including drawn ones), and number of objects examined.
+    struct QueuedRange {
+        int count, next;
+    };
+
     // Draw static triangles, then the objects front to back.
     static inline void render(const Scene& scene, const View& view, Packet& packet, WarpMemory& memory) {
+        render(scene, view, packet, QueuedRange{0, 0}, scene.bvh.root >= 0, memory);
+    }
+    // Draw static triangles if there are any, then the queued objects and those that were not examined.
+    static inline void render(const Scene& scene, const View& view, Packet& packet, QueuedRange queued,
+                              bool has_triangles, WarpMemory& memory) {
         const Movables& movables = scene.movables;
         Bvh bvh = scene.bvh;
         if (Warp::lane() == 0) memory.cameras[WarpMemory::CURRENT] = memory.cameras[WarpMemory::WORLD];
         Warp::sync();
-        QueuedRange queued = {0, 0};
-        bool has_triangles = bvh.root >= 0;
         for (;;) {
             // A single call for both, though the camera is the world's at first: the code of a traversal is long.
             if (has_triangles)
@@ -146,11 +154,6 @@ struct ObjectPass {
             has_triangles = true;
         }
     }
-
-    // Number of objects in the queue (including drawn ones), and number of objects examined.
-    struct QueuedRange {
-        int count, next;
-    };
 
     // Draw solids until the next object is one that is drawn by its triangles, and return that object; -1 at the end.
     static inline int render_until_triangles(const Scene& scene, Packet& packet, QueuedRange& queued,
