@@ -204,6 +204,7 @@ def test_cuda_graphs_replay_with_new_poses(cuda):
         ({"min_samples": 0}, "min_samples must be"),
         ({"min_samples": 10**6}, "min_samples must be at most 16384, got 1000000"),
         ({"occluders": -1}, "occluders must be"),
+        ({"occluders": 65}, "occluders must be at most 64, got 65"),
         ({"canvas": (1, 2)}, "canvas must be four whole numbers of pixels"),
     ],
 )

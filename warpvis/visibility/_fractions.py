@@ -35,7 +35,7 @@ Targets = Sequence[str | int | Sequence[str | int]] | Mapping[str, str | int | S
 
 # Maximum size of the counters of a batch of views [bytes].
 _CPU_BYTES, _CUDA_BYTES = 1 << 26, 1 << 30
-_MAX_SAMPLES = 1 << 14
+_MAX_SAMPLES, _MAX_OCCLUDERS = 1 << 14, 64
 # Fewer targets than this in a call are measured by the calling thread: waking another one takes longer.
 _FEW_TARGETS = 8
 # Threads of a GPU that share a target in a view, by rays; and by packets, the number of warps that fill it, and limits
@@ -111,6 +111,8 @@ class FractionMeter:
         if self._min_samples > _MAX_SAMPLES:
             raise ArrayError(f"min_samples must be at most {_MAX_SAMPLES}, got {min_samples}")
         self._occluders = check_whole(occluders, "occluders", minimum=0)
+        if self._occluders > _MAX_OCCLUDERS:
+            raise ArrayError(f"occluders must be at most {_MAX_OCCLUDERS}, got {occluders}")
         self._threads = check_threads(threads)
         self._caster = choose_caster(caster, camera)
         self._targets = DeviceTargets()
