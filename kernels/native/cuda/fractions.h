@@ -46,7 +46,7 @@ struct FractionCall {
 // Part of a target's window: a packet, whose first row and column belong to the packets before.
 struct FractionPacket {
     enum { NEW_WIDTH = PACKET_WIDTH - 1, NEW_HEIGHT = PACKET_HEIGHT - 1 };
-    // States of a sample, stored in place of its key.
+    // States of a sample, stored instead of its key.
     enum { OUTSIDE, HIDDEN, VISIBLE };
     // Less preferred than all triangles at equal depth, but the target is brought nearer by a step of rounding.
     enum { OWN_ID = 0xfffffffeu };
