@@ -3,7 +3,7 @@
 """Measure `planning.place_cameras`: 2,000 candidates, 5,000 targets, and 200 worlds of five people in a hall.
 
 ``python bench/camera_placement.py`` prints the time of a call for the first world and for all, and compares `--checked`
-worlds with `point_visibility`. ``--solids`` makes people capsules with exact surfaces in place of meshes, and
+worlds with `point_visibility`. ``--solids`` makes people capsules with exact surfaces instead of meshes, and
 ``--directions 1`` puts each candidate at another place: cameras at one place share their lines of sight.
 """
 
