@@ -86,86 +86,113 @@ struct FractionPacket {
     }
 
     // Call a function of a block, of the slot of the lane's sample in it, and of the sample's coordinates in the
-    // packet.
+    // packet, for some blocks. The loop is not unrolled: the code would exceed the instruction cache.
     template <class Function>
-    static inline void each_sample(Function function) {
+    static inline void each_sample(unsigned blocks, Function function) {
         const int lane = Warp::lane();
-        for (int block = 0; block < BLOCKS; ++block)
+#pragma unroll 1
+        for (unsigned remaining = blocks; remaining; remaining = Warp::without_first_lane(remaining)) {
+            const int block = Warp::first_lane(remaining);
             function(block, Packet::index(block, lane), Packet::block_x(block) + Packet::pixel_x(lane),
                      Packet::block_y(block) + Packet::pixel_y(lane));
+        }
     }
+    static inline unsigned all_blocks() { return BLOCKS == LANES ? (unsigned)Warp::all : (1u << BLOCKS % LANES) - 1; }
 
-    // Count the samples that the target covers, and leave only those that may be visible; returns whether any are.
-    // `covered_blocks` receives the blocks in which the target covers the lane's sample.
-    inline bool isolate(Packet& packet, unsigned& covered_blocks) const {
-        bool any = false;
+    // Count the samples that the target covers, and leave only those that may be visible; returns the blocks that have
+    // any. `covered_blocks` receives the blocks in which the target covers the lane's sample.
+    inline unsigned isolate(Packet& packet, unsigned& covered_blocks) const {
+        unsigned open_blocks = 0;
         covered_blocks = 0;
-        each_sample([&](int block, int slot, int x, int y) {
+        each_sample(all_blocks(), [&](int block, int slot, int x, int y) {
             const float inv_z = Write::inv_z_of(*packet.at(slot));
             const int at_x = x0 + x, at_y = y0 + y;
-            const bool covered = inv_z > 0.0f && is_in_window(at_x, at_y), counts = covered && x > 0 && y > 0;
-            const bool in_image = covered && is_in_image(at_x, at_y);
-            const float z = Reciprocal::of(inv_z);
-            const bool near = in_image && z < image.near, far = in_image && z > image.far;
-            covered_blocks |= (unsigned)covered << block;
+            const bool covered = inv_z > 0.0f && is_in_window(at_x, at_y);
+            bool open = false;
             if (Warp::any(covered)) {
+                const bool counts = covered && x > 0 && y > 0, in_image = covered && is_in_image(at_x, at_y);
+                const float z = Reciprocal::of(inv_z);
+                const bool near = in_image && z < image.near, far = in_image && z > image.far;
+                covered_blocks |= (unsigned)covered << block;
                 add(SILHOUETTE_SAMPLES, counts);
                 add(IMAGE_SAMPLES, counts && in_image);
                 add(TOO_NEAR_SAMPLES, counts && near);
                 add(TOO_FAR_SAMPLES, counts && far);
                 add(SILHOUETTE_CENTERS, counts && is_center(at_x, at_y));
+                open = in_image && !near && !far;
+                if (Warp::any(open)) open_blocks |= 1u << block;
             }
-            const bool open = in_image && !near && !far;
             *packet.at(slot) = open ? DepthKey::of(__uint_as_float(__float_as_uint(inv_z) + 1), OWN_ID)
                                     : DepthKey::of(NOWHERE, Packet::NO_TRIANGLE);
-            any |= open;
         });
         Warp::sync();
-        packet.stale_blocks = BLOCKS == LANES ? (unsigned)Warp::all : (1u << BLOCKS % LANES) - 1;
+        packet.block_min_inv_z = __float_as_uint(NOWHERE);
+        packet.stale_blocks = open_blocks;
         packet.refresh();
-        return Warp::any(any);
+        return open_blocks;
     }
 
-    // Count the samples that are still visible, and edges between samples of different states.
-    inline void count(const Scene& scene, Packet& packet, unsigned covered_blocks) const {
+    // Count the samples of open blocks that are still visible, and write the states of all that the target covers.
+    inline void count(const Scene& scene, Packet& packet, unsigned open_blocks, unsigned covered_blocks) const {
         int code[4] = {0, 0, 0, 0};
-        each_sample([&](int block, int slot, int x, int y) {
+        each_sample(open_blocks, [&](int, int slot, int x, int y) {
             const Key key = *packet.at(slot);
             const int at_x = x0 + x, at_y = y0 + y;
             const bool open = Write::inv_z_of(key) < NOWHERE, counts = x > 0 && y > 0;
             const unsigned id = DepthKey::id(key);
-            const bool covered = covered_blocks >> block & 1;
             const int shown = open && id != OWN_ID ? scene.object_of(id) : -1;
             const bool visible = open && (shown < 0 || call.has(target, shown));
-            if (Warp::any(open)) {
-                add(VISIBLE_SAMPLES, visible && counts);
-                add(VISIBLE_CENTERS, visible && counts && is_center(at_x, at_y));
-                if (open && !visible && counts)
-                    atomicAdd(call.hidden_by + ((long long)image.index * call.targets + target) * call.objects + shown,
-                              1);
-            }
+            add(VISIBLE_SAMPLES, visible && counts);
+            add(VISIBLE_CENTERS, visible && counts && is_center(at_x, at_y));
+            if (open && !visible && counts) atomicAdd(hidden_by(shown), 1);
             if (visible) {
                 const int px = at_x / window.across, py = at_y / window.across;
                 const int corner[4] = {BOX_MIDDLE - px, BOX_MIDDLE - py, BOX_MIDDLE + px, BOX_MIDDLE + py};
                 for (int k = 0; k < 4; ++k) code[k] = max(code[k], corner[k]);
             }
-            *packet.at(slot) = (Key)(visible ? VISIBLE : covered ? HIDDEN : OUTSIDE);
+            *packet.at(slot) = (Key)(visible ? VISIBLE : HIDDEN);
         });
-        Warp::sync();
         for (int k = 0; k < 4; ++k) {
             const unsigned most = Warp::reduce_max((unsigned)code[k]);
             if (most && Warp::lane() == 0) atomicMax(call.counter(FRACTION_BOX + k, image.index, target), (int)most);
         }
-        each_sample([&](int, int, int x, int y) {
-            const bool counts = x > 0 && y > 0;
-            const int state = state_at(packet, x, y), left = counts ? state_at(packet, x - 1, y) : state;
-            const int above = counts ? state_at(packet, x, y - 1) : state;
-            add(STATE_EDGES, state != left);
-            add(STATE_EDGES, state != above);
-            add(SILHOUETTE_EDGES, (state == OUTSIDE) != (left == OUTSIDE));
-            add(SILHOUETTE_EDGES, (state == OUTSIDE) != (above == OUTSIDE));
+        const unsigned covered = Warp::reduce_or(covered_blocks);
+        each_sample(covered, [&](int block, int slot, int, int) {
+            const bool is_open = open_blocks >> block & 1;
+            const int state =
+                covered_blocks >> block & 1 ? is_open ? (int)*packet.at(slot) : (int)HIDDEN : (int)OUTSIDE;
+            *packet.at(slot) = (Key)state;
         });
         Warp::sync();
+        count_edges(packet, covered);
+    }
+    inline int* hidden_by(int object) const {
+        return call.hidden_by + ((long long)image.index * call.targets + target) * call.objects + object;
+    }
+    // Count edges between samples of different states. Blocks that the target does not cover are OUTSIDE: their keys
+    // have no id.
+    inline void count_edges(const Packet& packet, unsigned covered) const {
+        static_assert((int)OUTSIDE == 0 && (unsigned)Packet::NO_TRIANGLE == 0xffffffffu,
+                      "a key without an id ends in 0");
+        const unsigned left_column = (unsigned)(Warp::all / ((1ull << BLOCK_COLUMNS) - 1));
+        const unsigned on_right = covered << 1 & ~left_column, below = covered << BLOCK_COLUMNS;
+        int edges = 0, outline = 0;
+        each_sample((covered | on_right | below) & all_blocks(), [&](int, int, int x, int y) {
+            if (x == 0 || y == 0) return;
+            const int state = state_at(packet, x, y), left = state_at(packet, x - 1, y);
+            const int above = state_at(packet, x, y - 1);
+            edges += (state != left) + (state != above);
+            outline += ((state == OUTSIDE) != (left == OUTSIDE)) + ((state == OUTSIDE) != (above == OUTSIDE));
+        });
+        atomic_add_sum(STATE_EDGES, edges);
+        atomic_add_sum(SILHOUETTE_EDGES, outline);
+        Warp::sync();
+    }
+    // Add the sum of all lanes' numbers, each below 1024, to a counter.
+    inline void atomic_add_sum(int counter, int number) const {
+        int sum = 0;
+        for (int bit = 0; bit < 10; ++bit) sum += __popc(Warp::ballot(number >> bit & 1)) << bit;
+        add_count(counter, sum);
     }
     static inline int state_at(const Packet& packet, int x, int y) { return (int)*packet.at(Packet::index_at(x, y)); }
 };
@@ -205,29 +232,35 @@ struct Fractions {
         packet.begin(PACKET_WIDTH, PACKET_HEIGHT);
         if (Warp::lane() == 0) memory.cameras[WarpMemory::WORLD] = camera;
         Warp::sync();
-        for (int i = part.call.first[part.target]; i < part.call.first[part.target + 1]; ++i) {
-            const int index = part.call.members[i];
-            if (isolated.movables.excludes(index)) continue;
-            render_one(isolated, view, packet, index, memory);
+        unsigned open_blocks = 0, covered_blocks = 0;
+        const int end = part.call.first[part.target + 1];
+        // The target's objects, then all that is in front of them. A single call, because its code is long.
+#pragma unroll 1
+        for (int i = part.call.first[part.target]; i <= end; ++i) {
+            const bool is_member = i < end;
+            if (is_member && isolated.movables.excludes(part.call.members[i])) continue;
+            if (!is_member) {
+                open_blocks = part.isolate(packet, covered_blocks);
+                if (!open_blocks) break;
+                Packets::set_sides(scene, view, memory.cameras[WarpMemory::WORLD]);
+            }
+            const Scene& drawn = is_member ? isolated : scene;
+            const ObjectPass::QueuedRange queued =
+                is_member ? queue_one(isolated.movables, part.call.members[i], memory) : ObjectPass::QueuedRange{0, 0};
+            Warp::sync();
+            ObjectPass::render(drawn, view, packet, queued, !is_member && scene.bvh.root >= 0, memory);
             packet.refresh();
             Warp::sync();
         }
-        unsigned covered_blocks;
-        if (part.isolate(packet, covered_blocks)) {
-            Packets::set_sides(scene, view, memory.cameras[WarpMemory::WORLD]);
-            Warp::sync();
-            Packets::render(scene, view, packet, memory);
-        }
-        part.count(scene, packet, covered_blocks);
+        if (Warp::any(covered_blocks)) part.count(scene, packet, open_blocks, covered_blocks);
     }
-    // Draw a single object.
-    static inline void render_one(const Scene& scene, const View& view, Packet& packet, int m, WarpMemory& memory) {
+    // Queue a single object, as if all had been examined.
+    static inline ObjectPass::QueuedRange queue_one(const Movables& movables, int m, WarpMemory& memory) {
         if (Warp::lane() == 0) {
             memory.objects.visits[0] = Visit::of(NOWHERE, 0, 0, PACKET_WIDTH - 1, PACKET_HEIGHT - 1);
-            memory.objects.objects[0] = __ldg(scene.movables.solid + m) != SOLID_NONE ? ~m : m;
+            memory.objects.objects[0] = __ldg(movables.solid + m) != SOLID_NONE ? ~m : m;
         }
-        Warp::sync();
-        ObjectPass::render(scene, view, packet, ObjectPass::QueuedRange{1, scene.movables.count}, false, memory);
+        return ObjectPass::QueuedRange{1, movables.count};
     }
     static inline SampleWindow find_window(const Scene& isolated, const View& image, const FractionCall& call,
                                            int target) {
