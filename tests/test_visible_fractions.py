@@ -73,6 +73,24 @@ def test_fractions_match_reference(device, caster, least):
     assert len(states) >= 3
 
 
+@pytest.mark.slow
+def test_counts_of_random_scenes_match_reference():
+    """200 scenes: the same counts of samples, but for one at most, where surfaces enter each other."""
+    counted = 0
+    for seed in range(200):
+        scene, rng = room(1000 + seed, 5)
+        pose = wv.look_at(rng.uniform(-1.5, 1.5, 3) + (0, 0, 2.0), rng.uniform(-0.5, 0.5, 3))
+        members = sorted(rng.choice(np.arange(1, len(scene)), 2, replace=False).tolist())
+        targets = [[members[0]], members]
+        found = values(wv.visible_fractions(scene, CAMERA, pose, objects=targets, min_samples=100))
+        for target, group in enumerate(targets):
+            samples = reference.measure_fractions(scene, CAMERA, pose, group, canvas=CANVAS, least=100)
+            expected = reference.judge_fractions(samples, CAMERA, 3)
+            assert_close({name: array[0, target] for name, array in found.items()}, expected, samples)
+            counted += 0 if samples is None else int(samples.silhouette.sum())
+    assert counted > 50_000
+
+
 @pytest.mark.parametrize("caster", ["packets", "rays"])
 def test_unions_of_objects_match_reference(device, caster):
     scene, poses = desk(device), cameras()
