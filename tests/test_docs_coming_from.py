@@ -18,6 +18,7 @@ THEIRS = {
     "trimesh_ray": "# trimesh",
     "isaac_lab": "# Isaac Lab",
     "blenderproc": "# BlenderProc",
+    "molmospaces": "# MolmoSpaces",
     "webots": "# Webots",
 }
 NOT_RUN = "not run by the tests"

@@ -193,13 +193,17 @@ OBJECTS = {
         lambda sensors: sensors.read(np.array([[0.0], [0.5]])).numpy(),
     ),
     "Renderer": (used_renderer(), lambda renderer: renderer.render()),
+    "VisibilityChecker": (
+        ours.VisibilityChecker(task()[0], mujoco_copy(task()[0]), width=32, height=24),
+        lambda checker: np.array([checker.check_visibility(0, 1)]),
+    ),
     "WorldPoses": (BATCH.kinematics.from_qpos(QPOS), lambda poses: BATCH.render(poses).depth.numpy()),
 }
 
 
 def test_all_public_classes_are_covered():
     classes = {name for name in ours.__all__ if isinstance(getattr(ours, name), type)}
-    assert classes == set(OBJECTS)
+    assert classes == {*OBJECTS, "BodyVisibility"}  # a result on a device, which is not copied
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,6 @@ from .viewer._view import view as view
 from .visibility import (
     Agent as Agent,
     FieldOfView as FieldOfView,
-    ObjectVisibility as ObjectVisibility,
     Perspective as Perspective,
     object_visibility as object_visibility,
     perspective as perspective,

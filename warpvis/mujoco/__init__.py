@@ -21,6 +21,7 @@ from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._rangefinders import Rangefinders
 from warpvis.mujoco._renderer import Renderer
 from warpvis.mujoco._scene import MujocoScene, scene_from_mujoco
+from warpvis.mujoco._visibility_checker import VisibilityChecker
 from warpvis.mujoco._worlds import Kinematics
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "MujocoScene",
     "Rangefinders",
     "Renderer",
+    "VisibilityChecker",
     "WorldPoses",
     "camera_from_mujoco",
     "camera_poses",

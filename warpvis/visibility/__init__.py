@@ -13,7 +13,7 @@ from warpvis.visibility._measured_space import MeasuredSpace
 from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
     BOP_DELTA,
-    ObjectVisibility as ObjectVisibility,
+    ObjectVisibility,
     choose_objects as choose_objects,
     object_visibility as object_visibility,
     see_objects as see_objects,
@@ -41,6 +41,7 @@ __all__ = [
     "LineOfSight",
     "MeasuredSpace",
     "ObjectFractions",
+    "ObjectVisibility",
     "ReferenceModel",
     "Sight",
     "State",

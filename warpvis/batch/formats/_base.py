@@ -46,7 +46,7 @@ VISIBILITY_ARRAYS = {
     "silhouette_box": ("int32", (4,)),
 }
 """Arrays ``(n, K, ...)`` of the output ``"visibility"`` in a shard, with their dtypes and last axes. They are
-attributes of `warpvis.ObjectVisibility`, whose `fraction` is called ``visible_fraction``."""
+attributes of `warpvis.visibility.ObjectVisibility`, whose `fraction` is called ``visible_fraction``."""
 
 # Each call of NumPy acquires and releases the GIL, for which all encoding threads compete. Frames are therefore handled
 # in groups, as large as fit into the cache of a core.
@@ -70,7 +70,7 @@ class Format:
     library: str | None = None
     """Other distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
     masks: bool = False
-    """Whether the images of a shard must include ``"masks"`` of `warpvis.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
+    """Whether images of a shard must include ``"masks"`` of `visibility.ObjectVisibility`, ``(n, K, H, W)`` uint8."""
     delta: float = 0.0
     """`delta` of `warpvis.object_visibility` [m]; may be an option of the format."""
     any_depth: ClassVar[bool] = False

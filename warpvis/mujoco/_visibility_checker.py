@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of whether cameras see bodies, with the methods of MolmoSpaces' environments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import mujoco  # noqa: TID253 - the whole package is about it
+import numpy as np
+from numpy.typing import NDArray
+
+from warpvis.cameras.pinhole import Camera, check_size
+from warpvis.core.checks import check_number, is_number, truncate
+from warpvis.core.poses import look_at
+from warpvis.core.types import DeviceLike
+from warpvis.errors import ArrayError, CameraError
+from warpvis.mujoco._body_visibility import choose_bodies, members_of_bodies
+from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
+from warpvis.mujoco._poses import camera_poses, geom_poses
+from warpvis.mujoco._scene import scene_from_mujoco
+from warpvis.visibility import FractionMeter, ObjectFractions
+
+_MAX_METERS = 64
+
+
+class LookingCamera(Protocol):
+    """A camera of a simulation that is not in the model, such as those of MolmoSpaces' registry."""
+
+    pos: Any
+    """Position in the world [m]."""
+    forward: Any
+    """Direction of its axis."""
+    up: Any
+    """Direction that is up in the image."""
+    fov: float
+    """Vertical field of view, in degrees."""
+
+
+class VisibilityChecker:
+    """Checks how much cameras see of bodies, without OpenGL: only the pixels that bodies may cover are cast.
+
+    The methods have the names, arguments and results of MolmoSpaces' ``CPUMujocoEnv`` (``molmo_spaces/env/env.py``),
+    which renders a segmentation image for each check. There, the visibility of a body is the share of the image that
+    shows it; `visible_fractions` returns the share of the body that is visible. A body includes its descendants.
+
+    Geoms are those of `scene_from_mujoco`; build another checker after changing the model.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, *, width: int, height: int, device: DeviceLike = "cpu"
+    ) -> None:
+        """Set up the checker.
+
+        Args:
+            model: A `mujoco.MjModel`.
+            data: Its state, after `mj_forward`; each check reads its current poses.
+            width: Width of the images [px].
+            height: Height of the images [px].
+            device: Device on which rays are cast.
+        """
+        self.width, self.height = check_size(width, "width"), check_size(height, "height")
+        self._made = scene_from_mujoco(model, device=device)
+        self._model, self._data = model, data
+        geoms = self._made.geoms_of_objects()
+        self._bodies = np.where(geoms >= 0, model.geom_bodyid[geoms], -1).astype(np.int32)
+        self._meters: dict[tuple[Camera, tuple[int, ...]], FractionMeter] = {}
+
+    def check_visibility(
+        self, camera_name: str | int | LookingCamera, *target_objects: str | int
+    ) -> float | dict[str | int, float]:
+        """Return the share of the image that shows each body: a number for one body, a dict for several.
+
+        Args:
+            camera_name: Name or id of a camera of the model, or a camera with `pos`, `forward`, `up` and `fov`.
+            *target_objects: Names or ids of bodies.
+        """
+        shares = self._measure(camera_name, target_objects).image_share.numpy()[0].tolist()
+        return shares[0] if len(shares) == 1 else dict(zip(target_objects, shares, strict=True))
+
+    def visible_fractions(
+        self, camera_name: str | int | LookingCamera, *target_objects: str | int
+    ) -> dict[str | int, float]:
+        """Return the visible share of each body's silhouette; arguments as for `check_visibility`."""
+        fractions = self._measure(camera_name, target_objects, canvas=True).fraction.numpy()[0].tolist()
+        return dict(zip(target_objects, fractions, strict=True))
+
+    def get_visible_objects(self, camera_name: str | int | LookingCamera) -> list[str]:
+        """Return the names of the bodies below the world that a camera sees, the largest in the image first."""
+        model = self._model
+        rooted = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0 and self._shows(body)]
+        if not rooted:
+            return []
+        shares = self._measure(camera_name, rooted).image_share.numpy()[0]
+        order = np.argsort(-shares, kind="stable")
+        return [model.body(rooted[k]).name for k in order if shares[k] > 0]
+
+    def check_camera_visibility_constraints(
+        self, constraints: Mapping[str, Mapping[str, float]]
+    ) -> tuple[bool, dict[str, dict[str, float]]]:
+        """Check the least share of the image of bodies in cameras.
+
+        Args:
+            constraints: For each camera, the least share of the image for each body.
+
+        Returns:
+            Whether all constraints are met, and the shares by camera and body.
+        """
+        found: dict[str, dict[str, float]] = {}
+        met = True
+        if not isinstance(constraints, Mapping) or not all(map(_are_shares, constraints.values())):
+            raise ArrayError(
+                "constraints must be a dict of cameras with dicts of bodies and shares from 0 to 1, got "
+                f"{truncate(repr(constraints))}"
+            )
+        for camera, least in constraints.items():
+            shares = self._measure(camera, tuple(least)).image_share.numpy()[0].tolist()
+            found[camera] = dict(zip(least, shares, strict=True))
+            met &= all(share >= least[body] for body, share in found[camera].items())
+        return met, found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_meters": {}}
+
+    def _measure(self, camera: Any, bodies: Any, *, canvas: bool = False) -> ObjectFractions:
+        chosen = choose_bodies(self._model, list(bodies))
+        lens, pose = self._camera(camera)
+        key = lens, (int(canvas), *chosen)
+        if key not in self._meters:
+            while len(self._meters) >= _MAX_METERS:
+                self._meters.pop(next(iter(self._meters)))
+            self._meters[key] = self._make_meter(lens, chosen, canvas=canvas)
+        poses = geom_poses(self._data, self._made) if self._made.scene.movable else None
+        return self._meters[key].measure(pose, object_poses=poses)
+
+    def _make_meter(self, camera: Camera, bodies: list[int], *, canvas: bool) -> FractionMeter:
+        members = members_of_bodies(self._model, bodies, self._bodies, subtree=True)
+        targets = {str(body): np.flatnonzero(mine).tolist() for body, mine in zip(bodies, members, strict=True)}
+        sides = None if canvas else (0, 0, 0, 0)
+        return FractionMeter(self._made.scene, camera, objects=targets, canvas=sides, min_samples=1, occluders=0)
+
+    def _camera(self, camera: Any) -> tuple[Camera, NDArray[np.float32]]:
+        """Return a camera's intrinsics, and its pose, camera to world."""
+        if isinstance(camera, str | int | np.integer):
+            number = camera_id(self._model, camera)
+            lens = camera_from_mujoco(self._model, number, self.width, self.height)
+            if not isinstance(lens, Camera):
+                raise CameraError(f"camera must be perspective, got {camera!r}, which is orthographic")
+            return lens, camera_poses(self._data, self._model, [number])[0]
+        if not all(hasattr(camera, name) for name in ("pos", "forward", "up", "fov")):
+            raise CameraError(
+                "camera_name must be a name or id of a camera of the model, or have pos, forward, up and fov, got "
+                f"{type(camera).__name__}"
+            )
+        fov = math.radians(check_number(camera.fov, "fov", minimum=0.1, maximum=179.0, error=CameraError))
+        extent, limits = self._model.stat.extent, self._model.vis.map
+        lens = Camera.from_fov(
+            self.width, self.height, vfov=fov, near=float(limits.znear * extent), far=float(limits.zfar * extent)
+        )
+        position = np.asarray(camera.pos, dtype=np.float64)
+        return lens, look_at(position, position + np.asarray(camera.forward, dtype=np.float64), up=tuple(camera.up))
+
+    def _shows(self, body: int) -> bool:
+        """Return whether a body or one of its descendants has a rendered geom."""
+        model = self._model
+        rows = self._bodies[self._bodies >= 0]
+        while len(rows):
+            if (rows == body).any():
+                return True
+            rows = np.unique(model.body_parentid[rows[rows > 0]])
+            rows = rows[rows > 0]
+        return False
+
+
+def _are_shares(least: object) -> bool:
+    return isinstance(least, Mapping) and all(is_number(share) and 0 <= share <= 1 for share in least.values())
