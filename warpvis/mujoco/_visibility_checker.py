@@ -141,10 +141,10 @@ class VisibilityChecker:
         sides = None if canvas else (0, 0, 0, 0)
         return FractionMeter(self._made.scene, camera, objects=targets, canvas=sides, min_samples=1, occluders=0)
 
-    def _camera(self, camera: Any) -> tuple[Camera, NDArray[np.float32]]:
+    def _camera(self, camera: Any) -> tuple[Camera, NDArray[np.floating]]:
         """Return a camera's intrinsics, and its pose, camera to world."""
         if isinstance(camera, str | int | np.integer):
-            number = camera_id(self._model, camera)
+            number = camera_id(self._model, camera if isinstance(camera, str) else int(camera))
             lens = camera_from_mujoco(self._model, number, self.width, self.height)
             if not isinstance(lens, Camera):
                 raise CameraError(f"camera must be perspective, got {camera!r}, which is orthographic")
