@@ -231,6 +231,13 @@ def test_invalid_input_is_one_sentence(options, message):
         wv.visible_fractions(desk(), CAMERA, cameras(), **options)
 
 
+def test_scenes_in_millimeters_warn():
+    scene = wv.Scene()
+    scene.add(trimesh.creation.box((800, 800, 800)), name="box", pose=(3000, 0, 0, 0, 0, 0, 1))
+    with pytest.warns(UserWarning, match="millimeters"):
+        wv.visible_fractions(scene, CAMERA, wv.look_at((0, 0, 0), (1, 0, 0)))
+
+
 def test_lenses_are_refused():
     lens = wv.cameras.LensCamera(wv.cameras.lenses.KannalaBrandt(20, 20, 20, 15), 40, 30)
     with pytest.raises(WarpvisError, match=r"camera must be a warpvis\.Camera, got LensCamera; object_visibility"):

@@ -15,6 +15,7 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_zeros, empty
 from warpvis.core.checks import as_items, check_whole
 from warpvis.core.kernel_cache import launch
+from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import check_threads, launch_images, launch_shared, pack_launch, write_fields
 from warpvis.core.types import ArrayInput, Excluded, KernelArguments, ObjectPoses, PoseLike
@@ -23,7 +24,7 @@ from warpvis.kernels.constants import CUDA_LANES, FRACTION_COUNTERS, JOB_COUNTER
 from warpvis.rendering import CasterName, choose_caster
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
-from warpvis.visibility._objects import check_canvas, choose_objects
+from warpvis.visibility._objects import check_canvas, choose_objects, warn_of_unseen
 from warpvis.visibility._silhouettes import spread_worlds
 
 if TYPE_CHECKING:
@@ -317,14 +318,16 @@ def visible_fractions(
         caster=caster,
         threads=threads,
     )
-    return meter.measure(
-        camera_to_world,
-        object_poses=object_poses,
-        world_index=world_index,
-        exclude=exclude,
-        convention=convention,
-        quaternion=quaternion,
-    )
+    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
+    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+    poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
+    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
+    found = meter.measure_parsed(poses, worlds)
+    if scene.device.is_cpu and len(poses):
+        if quaternion == "xyzw":
+            warn_of_order(camera_to_world, convention)
+        warn_of_unseen(scene, camera, poses, worlds, found.status, moves=object_poses is not None)
+    return found
 
 
 def _parse_targets(scene: Scene, objects: Targets | None) -> tuple[tuple[str, ...], list[list[int]]]:

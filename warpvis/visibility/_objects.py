@@ -166,16 +166,31 @@ def object_visibility(
     if scene.device.is_cpu and len(poses):
         if quaternion == "xyzw":
             warn_of_order(camera_to_world, convention)
-        # Invisible scenes may be in millimeters, and cameras inside closed objects.
-        seen, status = seen_objects(scene, worlds.excluded), found.status.numpy()
-        unseen = ~(status == Visibility.VISIBLE).any(axis=1)
-        if unseen.all() and not (status == Visibility.OCCLUDED).any():
-            warn_of_units(scene, camera.far, seen, poses.numpy())
-        blind = unseen & (status == Visibility.TOO_NEAR).any(axis=1)
-        if object_poses is not None:
-            seen &= ~np.array([item.movable for item in scene.objects])
-        warn_of_eyes_inside(scene, camera.near, poses.numpy(), np.flatnonzero(blind), seen)
+        warn_of_unseen(scene, camera, poses, worlds, found.status, moves=object_poses is not None)
     return found
+
+
+def warn_of_unseen(
+    scene: Scene, camera: ImageCamera, poses: wp.array, worlds: Worlds, status: wp.array, *, moves: bool
+) -> None:
+    """Warn if no object is visible: scenes may be in millimeters, and cameras inside closed objects.
+
+    Args:
+        scene: The scene, on a CPU.
+        camera: The camera.
+        poses: Poses of the views.
+        worlds: Their worlds.
+        status: Status of each object in each view, as `ObjectVisibility.status`.
+        moves: Whether movable objects may be elsewhere than in the scene.
+    """
+    seen, states = seen_objects(scene, worlds.excluded), status.numpy()
+    unseen = ~(states == Visibility.VISIBLE).any(axis=1)
+    if unseen.all() and not (states == Visibility.OCCLUDED).any():
+        warn_of_units(scene, camera.far, seen, poses.numpy())
+    blind = unseen & (states == Visibility.TOO_NEAR).any(axis=1)
+    if moves:
+        seen &= ~np.array([item.movable for item in scene.objects])
+    warn_of_eyes_inside(scene, camera.near, poses.numpy(), np.flatnonzero(blind), seen)
 
 
 def see_objects(
