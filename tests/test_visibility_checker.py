@@ -61,6 +61,20 @@ def test_fractions_are_of_bodies(state):
     assert checker.visible_fractions("front", "mug") == {"mug": 1.0}
 
 
+def test_cameras_see_through_their_housings():
+    """MuJoCo cuts away what is nearer than its near plane; a camera within a mesh sees the rest."""
+    housed = MODEL.replace('<body name="ghost" pos="0 0 3"/>', '<body pos="0 -3 1"><geom size=".02"/></body>')
+    shares = []
+    for text in (MODEL, housed):
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        checker = VisibilityChecker(model, data, width=160, height=120)
+        shares.append(checker.check_visibility("front", "table", "mug"))
+        assert 0.1 < checker.visible_fractions("front", "mug")["mug"] < 0.9
+    assert shares[0] == shares[1] and shares[0]["mug"] > 0
+
+
 def test_visible_objects_and_constraints(state):
     model, data = state
     checker = VisibilityChecker(model, data, width=160, height=120)

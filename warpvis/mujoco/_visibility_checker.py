@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -21,9 +22,9 @@ from warpvis.mujoco._body_visibility import choose_bodies, members_of_bodies
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
 from warpvis.mujoco._poses import camera_poses, geom_poses
 from warpvis.mujoco._scene import scene_from_mujoco
-from warpvis.visibility import FractionMeter, ObjectFractions
+from warpvis.rendering import Output, Renderer
 
-_MAX_METERS = 64
+_MAX_RENDERERS = 64
 
 
 class LookingCamera(Protocol):
@@ -40,11 +41,12 @@ class LookingCamera(Protocol):
 
 
 class VisibilityChecker:
-    """Checks how much cameras see of bodies, without OpenGL: only the pixels that bodies may cover are cast.
+    """Checks how much cameras see of bodies, without OpenGL.
 
-    The methods have the names, arguments and results of MolmoSpaces' ``CPUMujocoEnv`` (``molmo_spaces/env/env.py``),
-    which renders a segmentation image for each check. There, the visibility of a body is the share of the image that
-    shows it; `visible_fractions` returns the share of the body that is visible. A body includes its descendants.
+    The methods have the names, arguments and results of MolmoSpaces' ``CPUMujocoEnv`` (``molmo_spaces/env/env.py``).
+    There, the visibility of a body is the share of the image that shows it; `visible_fractions` returns the share of
+    the body that is visible. A body includes its descendants. As in MuJoCo, surfaces nearer than the near plane are cut
+    away, so that cameras see through their housings.
 
     Geoms are those of `scene_from_mujoco`; build another checker after changing the model.
     """
@@ -59,14 +61,14 @@ class VisibilityChecker:
             data: Its state, after `mj_forward`; each check reads its current poses.
             width: Width of the images [px].
             height: Height of the images [px].
-            device: Device on which rays are cast.
+            device: Device on which images are rendered.
         """
         self.width, self.height = check_size(width, "width"), check_size(height, "height")
         self._made = scene_from_mujoco(model, device=device)
         self._model, self._data = model, data
         geoms = self._made.geoms_of_objects()
         self._bodies = np.where(geoms >= 0, model.geom_bodyid[geoms], -1).astype(np.int32)
-        self._meters: dict[tuple[Camera, tuple[int, ...]], FractionMeter] = {}
+        self._renderers: dict[tuple[Camera, str], Renderer] = {}
 
     def check_visibility(
         self, camera_name: str | int | LookingCamera, *target_objects: str | int
@@ -77,15 +79,23 @@ class VisibilityChecker:
             camera_name: Name or id of a camera of the model, or a camera with `pos`, `forward`, `up` and `fov`.
             *target_objects: Names or ids of bodies.
         """
-        shares = self._measure(camera_name, target_objects).image_share.numpy()[0].tolist()
+        shares = self._shares(camera_name, self._members(target_objects)).tolist()
         return shares[0] if len(shares) == 1 else dict(zip(target_objects, shares, strict=True))
 
     def visible_fractions(
         self, camera_name: str | int | LookingCamera, *target_objects: str | int
     ) -> dict[str | int, float]:
-        """Return the visible share of each body's silhouette; arguments as for `check_visibility`."""
-        fractions = self._measure(camera_name, target_objects, canvas=True).fraction.numpy()[0].tolist()
-        return dict(zip(target_objects, fractions, strict=True))
+        """Return the visible share of each body's silhouette on a canvas of 3 W x 3 H, as `warpvis.object_visibility`.
+
+        Arguments are those of `check_visibility`.
+        """
+        members = self._members(target_objects)
+        visible = self._pixels(camera_name, members)
+        lens, pose = self._camera(camera_name)
+        width, height = self.width, self.height
+        wide = replace(lens, width=3 * width, height=3 * height, cx=lens.cx + width, cy=lens.cy + height)
+        silhouettes = np.array([np.isfinite(self._render(wide, pose, "depth", 1 - mine)).sum() for mine in members])
+        return dict(zip(target_objects, (visible / np.maximum(silhouettes, 1)).tolist(), strict=True))
 
     def get_visible_objects(self, camera_name: str | int | LookingCamera) -> list[str]:
         """Return the names of the bodies below the world that a camera sees, the largest in the image first."""
@@ -93,7 +103,7 @@ class VisibilityChecker:
         rooted = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0 and self._shows(body)]
         if not rooted:
             return []
-        shares = self._measure(camera_name, rooted).image_share.numpy()[0]
+        shares = self._shares(camera_name, self._members(rooted))
         order = np.argsort(-shares, kind="stable")
         return [model.body(rooted[k]).name for k in order if shares[k] > 0]
 
@@ -116,30 +126,41 @@ class VisibilityChecker:
                 f"{truncate(repr(constraints))}"
             )
         for camera, least in constraints.items():
-            shares = self._measure(camera, tuple(least)).image_share.numpy()[0].tolist()
+            shares = self._shares(camera, self._members(tuple(least))).tolist()
             found[camera] = dict(zip(least, shares, strict=True))
             met &= all(share >= least[body] for body, share in found[camera].items())
         return met, found
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_meters": {}}
+        return self.__dict__ | {"_renderers": {}}
 
-    def _measure(self, camera: Any, bodies: Any, *, canvas: bool = False) -> ObjectFractions:
+    def _members(self, bodies: Sequence[str | int]) -> NDArray[np.uint8]:
+        """Return whether each of the scene's objects is part of each body, ``(K, objects)``."""
         chosen = choose_bodies(self._model, list(bodies))
-        lens, pose = self._camera(camera)
-        key = lens, (int(canvas), *chosen)
-        if key not in self._meters:
-            while len(self._meters) >= _MAX_METERS:
-                self._meters.pop(next(iter(self._meters)))
-            self._meters[key] = self._make_meter(lens, chosen, canvas=canvas)
-        poses = geom_poses(self._data, self._made) if self._made.scene.movable else None
-        return self._meters[key].measure(pose, object_poses=poses)
+        return members_of_bodies(self._model, chosen, self._bodies, subtree=True)
 
-    def _make_meter(self, camera: Camera, bodies: list[int], *, canvas: bool) -> FractionMeter:
-        members = members_of_bodies(self._model, bodies, self._bodies, subtree=True)
-        targets = {str(body): np.flatnonzero(mine).tolist() for body, mine in zip(bodies, members, strict=True)}
-        sides = None if canvas else (0, 0, 0, 0)
-        return FractionMeter(self._made.scene, camera, objects=targets, canvas=sides, min_samples=1, occluders=0)
+    def _shares(self, camera: Any, members: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Return the shares of the image that show bodies, ``(K,)``."""
+        return self._pixels(camera, members) / (self.width * self.height)
+
+    def _pixels(self, camera: Any, members: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Return the number of pixels that show bodies, ``(K,)``."""
+        shown = self._render(*self._camera(camera), "segmentation")
+        pixels: NDArray[np.int64] = members @ np.bincount(shown[shown >= 0], minlength=members.shape[1])
+        return pixels
+
+    def _render(
+        self, camera: Camera, pose: NDArray[np.floating], output: Output, excluded: NDArray[np.uint8] | None = None
+    ) -> NDArray[Any]:
+        """Return an image of all objects but for excluded ones."""
+        key = camera, output
+        if key not in self._renderers:
+            while len(self._renderers) >= _MAX_RENDERERS:
+                self._renderers.pop(next(iter(self._renderers)))
+            self._renderers[key] = Renderer(self._made.scene, camera, outputs=(output,), near_plane="clip")
+        poses = geom_poses(self._data, self._made) if self._made.scene.movable else None
+        exclude = None if excluded is None else excluded[None]
+        return getattr(self._renderers[key].render(pose, object_poses=poses, exclude=exclude), output).numpy()[0]
 
     def _camera(self, camera: Any) -> tuple[Camera, NDArray[np.floating]]:
         """Return a camera's intrinsics, and its pose, camera to world."""
