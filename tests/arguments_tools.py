@@ -37,21 +37,10 @@ def tools_cases(folder):
     path = folder / "out"
     found = SEEN.candidates("human", "robot", labels=None)
     room = {"radius": 0.1, "floor": -1.0, "step": 0.1}
-    sampled = {
-        "move": {"cart": planned.SupportRegion("floor")},
-        "max_tries": 40,
-        "refine": True,
-        "partial": True,
-        "object_poses": MOVED,
-        "exclude": None,
-        "quaternion": "xyzw",
-        "threads": 1,
-    }
     one = {"object_poses": MOVED, "exclude": ["floor"], "threads": 1}
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
     covered = planned.coverage(seen, CAMERA, POSE)
-    placed = planned.place_cameras(seen, CAMERA, POSE, [[3, 0, 0]], 1)
     eye = wv.webots.DepthEye(RangeFinder())
     state = wv.viewer.ViewerState(seen, agents(), points=100)
     arm = wv.viewer.ViewerState(wv.viewer.MujocoStage(_ARM), agents(), points=100)
@@ -149,30 +138,6 @@ def tools_cases(folder):
                 **one,
             },
         ),
-        "Constraint": (
-            planned.Constraint,
-            {
-                "fraction": (0.0, 1.0),
-                "pixels": (0, None),
-                "image_fraction": (0.0, 1.0),
-                "distance": (0.1, 9.0),
-                "angle": (0.0, 1.0),
-                "direction": (1.0, 0.0, 0.0),
-                "margin": 1,
-                "status": "visible",
-            },
-        ),
-        "check_constraints": (
-            planned.check_constraints,
-            {
-                "scene": seen,
-                **VIEW,
-                "constraints": {"box": (0.5, 1.0)},
-                **WORLDS,
-                "quaternion": "xyzw",
-                "threads": 1,
-            },
-        ),
         "clearance": (
             planned.clearance,
             {"scene": seen, "points": [[0, 0, 0]], "max_distance": 9.0, "objects": ["box"], **one},
@@ -193,35 +158,6 @@ def tools_cases(folder):
                 **one,
             },
         ),
-        "place_cameras": (
-            planned.place_cameras,
-            {
-                "scene": seen,
-                "camera": CAMERA,
-                "candidates": [POSE],
-                "targets": [[3, 0, 0]],
-                "k": 1,
-                "at_least": 1,
-                "weights": [1.0],
-                "fixed": [POSE],
-                "method": "exact",
-                "time_limit": 9.0,
-                "occupancy": None,
-                "tolerance": 0.1,
-                "convention": "opencv",
-                "quaternion": "xyzw",
-                **one,
-            },
-        ),
-        "Placement.blind_spots": (placed.blind_spots, {"at_least": 1}),
-        "save_placement": (
-            wv.viz.save_placement,
-            {"scene": seen, "placement": placed, "path": path.with_suffix(".png"), "cell_size": 0.5, "title": "a map"},
-        ),
-        "unknown_targets": (
-            planned.unknown_targets,
-            {"occupancy": wv.OccupancyMap(cell_size=0.1), "bounds": [(0, 0, 0), (1, 1, 1)]},
-        ),
         "pose_grid": (
             planned.pose_grid,
             {"center": (0, 0, 0), "radius": 1.0, "step": 1.0, "height": 1.0, "look_at": (0, 0, 0), "up": "z"},
@@ -239,46 +175,6 @@ def tools_cases(folder):
                 "max_distance": 1.0,
                 "object_poses": MOVED,
                 **room,
-            },
-        ),
-        "BoxRegion": (
-            planned.BoxRegion,
-            {"bounds": [[0, -1, 0], [0.5, 1, 1]], "look_at": "box", "jitter": 0.1, "roll": (0.0, 0.1)},
-        ),
-        "ShellRegion": (
-            planned.ShellRegion,
-            {
-                "target": "box",
-                "distance": (0.5, 1.0),
-                "azimuth": (0.0, 1.0),
-                "elevation": (0.0, 0.5),
-                "height": (0.1, 0.2),
-                "jitter": 0.1,
-                "roll": (0.0, 0.1),
-            },
-        ),
-        "SupportRegion": (planned.SupportRegion, {"support": "floor", "margin": 0.1, "yaw": (0.0, 1.0)}),
-        "sample_views": (
-            planned.sample_views,
-            {
-                "scene": seen,
-                "camera": CAMERA,
-                "constraints": {"box": (0.5, 1.0)},
-                "region": planned.ShellRegion("box", (0.5, 1.0)),
-                "count": 1,
-                "seed": 0,
-                "agents": [(agents()[0], {"box": (0.0, 1.0)})],
-                **sampled,
-            },
-        ),
-        "sample_objects": (
-            planned.sample_objects,
-            {
-                "scene": seen,
-                "agents": [(agents()[0], {"cart": (0.0, 1.0)})],
-                "count": 1,
-                "seed": 0,
-                **sampled,
             },
         ),
         "standing_room": (planned.standing_room, {"scene": seen, "camera_to_world": POSE, **room, **one}),

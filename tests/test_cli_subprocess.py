@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that end early: in a subprocess, which Ray may end, or because nobody reads their output."""
+"""Commands that end early: in a subprocess, which Ray may end, or because their output is closed."""
 
 import os
 import subprocess

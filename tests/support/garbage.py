@@ -11,6 +11,7 @@ import trimesh
 from arguments_data import data_cases
 from arguments_depth import depth_sensor_cases
 from arguments_lidars import lidar_cases
+from arguments_planning import planning_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
 from arguments_tools import tools_cases
 from arguments_top import top_cases
@@ -21,7 +22,8 @@ import warpvis as wv
 
 def cases(folder):
     """Return valid arguments of all public callables."""
-    tables = [make(folder) for make in (top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases)]
+    makers = top_cases, data_cases, tools_cases, lidar_cases, depth_sensor_cases, planning_cases
+    tables = [make(folder) for make in makers]
     tables.append(visibility_cases())
     return {name: case for table in tables for name, case in table.items()}
 

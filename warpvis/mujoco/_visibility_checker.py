@@ -100,7 +100,8 @@ class VisibilityChecker:
     def get_visible_objects(self, camera_name: str | int | LookingCamera) -> list[str]:
         """Return the names of the bodies below the world that a camera sees, the largest in the image first."""
         model = self._model
-        rooted = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0 and self._shows(body)]
+        shown = self._bodies[self._bodies > 0]
+        rooted = np.unique(model.body_rootid[shown]).tolist()
         if not rooted:
             return []
         shares = self._shares(camera_name, self._members(rooted))
@@ -118,13 +119,13 @@ class VisibilityChecker:
         Returns:
             Whether all constraints are met, and the shares by camera and body.
         """
-        found: dict[str, dict[str, float]] = {}
-        met = True
         if not isinstance(constraints, Mapping) or not all(map(_are_shares, constraints.values())):
             raise ArrayError(
                 "constraints must be a dict of cameras with dicts of bodies and shares from 0 to 1, got "
                 f"{truncate(repr(constraints))}"
             )
+        found: dict[str, dict[str, float]] = {}
+        met = True
         for camera, least in constraints.items():
             shares = self._shares(camera, self._members(tuple(least))).tolist()
             found[camera] = dict(zip(least, shares, strict=True))
@@ -182,17 +183,6 @@ class VisibilityChecker:
         )
         position = np.asarray(camera.pos, dtype=np.float64)
         return lens, look_at(position, position + np.asarray(camera.forward, dtype=np.float64), up=tuple(camera.up))
-
-    def _shows(self, body: int) -> bool:
-        """Return whether a body or one of its descendants has a rendered geom."""
-        model = self._model
-        rows = self._bodies[self._bodies >= 0]
-        while len(rows):
-            if (rows == body).any():
-                return True
-            rows = np.unique(model.body_parentid[rows[rows > 0]])
-            rows = rows[rows > 0]
-        return False
 
 
 def _are_shares(least: object) -> bool:

@@ -221,7 +221,7 @@ def place_cameras(
 
 
 def unknown_targets(occupancy: OccupancyMap, bounds: ArrayLike | None = None) -> NDArray[np.float32]:
-    """Return the centers of unknown voxels beside free space, as targets for the next views of a map.
+    """Return the centers of unknown voxels next to free space, as targets for the next views of a map.
 
     Args:
         occupancy: The map.
@@ -235,9 +235,9 @@ def unknown_targets(occupancy: OccupancyMap, bounds: ArrayLike | None = None) ->
     dense = occupancy.voxel_map(bounds)
     states = np.pad(dense.states.numpy(), 1, constant_values=Voxel.UNKNOWN)
     free, inner = states == Voxel.FREE, (slice(1, -1),) * 3
-    beside = [np.roll(free, step, axis=axis)[inner] for axis in range(3) for step in (-1, 1)]
+    adjacent = [np.roll(free, step, axis=axis)[inner] for axis in range(3) for step in (-1, 1)]
     unknown = (states[inner] == Voxel.UNKNOWN) | (states[inner] == Voxel.HIDDEN)
-    return dense.centers()[unknown & np.logical_or.reduce(beside)]
+    return dense.centers()[unknown & np.logical_or.reduce(adjacent)]
 
 
 def _parse_cameras(poses: PoseLike, convention: Convention, name: str) -> NDArray[np.float32]:

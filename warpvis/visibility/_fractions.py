@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from warpvis.kernels.pinhole import Window
 
 Targets = Sequence[str | int | Sequence[str | int]] | Mapping[str, str | int | Sequence[str | int]]
-"""Objects by name or index; several objects that are measured as one in a list; with a name of their own in a dict."""
+"""Objects by name or index; a list of objects is measured as one; a dict names the targets."""
 
 # Maximum size of the counters of a batch of views [bytes].
 _CPU_BYTES, _CUDA_BYTES = 1 << 26, 1 << 30
@@ -332,17 +332,14 @@ def visible_fractions(
 
 def _parse_targets(scene: Scene, objects: Targets | None) -> tuple[tuple[str, ...], list[list[int]]]:
     """Return the names of targets and the indices of their objects."""
-    if isinstance(objects, Mapping):
-        if not objects:
-            raise SceneError("objects must be one or more objects of the scene, got none")
-        groups = [_members(scene, value) for value in objects.values()]
-        return tuple(map(str, objects)), groups
     if objects is None:
         return tuple(item.name for item in scene.objects), [[index] for index in range(len(scene))]
-    items = as_items(objects, "objects", SceneError)
-    if not len(items):
+    items = list(objects.values()) if isinstance(objects, Mapping) else as_items(objects, "objects", SceneError)
+    if not items:
         raise SceneError("objects must be one or more objects of the scene, got none")
     groups = [_members(scene, item) for item in items]
+    if isinstance(objects, Mapping):
+        return tuple(map(str, objects)), groups
     return tuple("+".join(scene.objects[index].name for index in group) for group in groups), groups
 
 
