@@ -245,7 +245,7 @@ GRID = pose_grid((0, 0, 0), radius=1, step=1, height=0.5, headings=1)
             "at least one candidate must have a path to it, got 5 without",
         ),
         ({"radius": 5.0}, "at least one candidate must have a path to it and room for the robot, got 5 without"),
-        ({"exclude": np.zeros((5, 4))}, "exclude must be names or indices of objects, the same for all candidates"),
+        ({"exclude": np.zeros((5, 4))}, "exclude must be names or indices of objects, the same for all views"),
         ({"exclude": "cup"}, "the scene has no object 'cup'"),
         ({"object_poses": np.zeros((2, 1, 7))}, "object_poses were given, but no object of the scene is movable"),
     ],

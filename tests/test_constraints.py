@@ -178,3 +178,11 @@ def test_wrong_constraints(make, message):
 def test_wrong_arguments(scene, constraints, message):
     with pytest.raises(wv.WarpvisError, match=message):
         check_constraints(scene, CAMERA, POSES, constraints)
+
+
+def test_exclude_for_single_views_raises(scene):
+    flags = np.zeros((len(POSES), len(scene)))
+    with pytest.raises(
+        wv.errors.ArrayError, match="exclude must be names .*, the same for all views"
+    ):
+        check_constraints(scene, CAMERA, POSES, {"mug": (0, 1)}, exclude=flags)

@@ -17,9 +17,9 @@ from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.arrays import as_numpy, as_point, check_length, empty
 from warpvis.core.checks import as_items, check_choice, check_number, check_whole, degrees_hint, is_number
 from warpvis.core.poses import Convention, QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
-from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
-from warpvis.planning._free_space import one_world, standing_room
+from warpvis.planning._free_space import check_exclude, one_world, standing_room
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 from warpvis.visibility import Agent, Candidate, FieldOfView, State, choose_objects, see_objects
@@ -203,7 +203,7 @@ def best_views(
     if len(poses) != 1:
         raise ArrayError(f"object_poses must be of one world, got {len(poses)}")
     surroundings: dict[str, Any] = {"object_poses": poses if scene.movable else None}
-    surroundings["exclude"] = check_exclude(exclude)
+    surroundings["exclude"] = check_exclude(exclude) or None
     free = np.isfinite(lengths)
     if radius is not None:
         free &= standing_room(scene, rows, radius=radius, floor=floor, **surroundings)
@@ -279,16 +279,6 @@ def _check_weights(weights: ArrayLike | None, count: int) -> NDArray[np.float64]
             f"weights must be {count} numbers from 0 up, one for each object and not all 0, got {numbers.tolist()}"
         )
     return numbers
-
-
-def check_exclude(exclude: Excluded) -> list[str | int] | None:
-    """Check names or indices of objects that are excluded for all candidates, and return them; None for none."""
-    if exclude is None:
-        return None
-    items = as_items(exclude, "exclude")
-    if not all(isinstance(item, str | int | np.integer) for item in items):
-        raise ArrayError("exclude must be names or indices of objects, the same for all candidates")
-    return items or None
 
 
 def look_along(places: NDArray[np.float64], forward: NDArray[np.float64], vertical: int) -> NDArray[np.float64]:

@@ -17,9 +17,10 @@ from warpvis.cameras.image_cameras import ImageCamera, require_image_camera
 from warpvis.core.checks import as_items
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, poses_to_matrices, quaternion_product, to_xyzw
-from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import ArrayError, SceneError
+from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
+from warpvis.errors import ArrayError
 from warpvis.planning._constraints import GEOMETRIC, ConstraintCheck, Constraints, Term, parse_constraints
+from warpvis.planning._free_space import check_exclude
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, pose_columns
 from warpvis.visibility import Agent, choose_objects, see_objects
@@ -65,7 +66,7 @@ def check_constraints(
         rows = worlds.object_poses.numpy().reshape(-1, len(scene.movable), 7)
         index = worlds.world.numpy() if worlds.world is not None and worlds.world.size else np.arange(len(poses))
         rows = rows[index % len(rows)]
-    observer = Observer("camera", as_faces(camera), poses.numpy().reshape(-1, 7), terms, check_excluded(exclude))
+    observer = Observer("camera", as_faces(camera), poses.numpy().reshape(-1, 7), terms, check_exclude(exclude))
     if not len(poses):
         return ConstraintCheck(terms, np.zeros((0, len(terms))), np.zeros((0, len(terms))))
     return observer.check(scene, rows, threads=threads)
@@ -186,7 +187,7 @@ def parse_agents(scene: Scene, agents: Sequence[tuple[Agent, Constraints]]) -> l
         terms = parse_constraints(scene, constraints, f"constraints of {agent.name!r}")
         if len(agent.faces) > 1 and any(term.quantity == "margin" for term in terms):
             raise ArrayError(f"margin requires a camera with one image, but {agent.name!r} has a FieldOfView")
-        excluded = check_excluded(agent.excluded)
+        excluded = check_exclude(agent.excluded)
         for name in excluded:
             scene.index(name)  # type: ignore[arg-type]
         observers.append(Observer(agent.name, agent.faces, agent.poses.astype(np.float32), terms, excluded))
@@ -212,11 +213,3 @@ def _slack(terms: Sequence[Term], values: NDArray[np.float64]) -> NDArray[np.flo
         else:
             slack[:, column] = np.minimum(value - term.low, term.high - value)
     return slack
-
-
-def check_excluded(exclude: Excluded) -> list[str | int]:
-    """Return the names or indices of excluded objects."""
-    items = [] if exclude is None else as_items(exclude, "exclude")
-    if not all(isinstance(item, str | int | np.integer) for item in items):
-        raise SceneError("exclude must be names or indices of objects, the same for all views")
-    return items

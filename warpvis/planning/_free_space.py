@@ -13,11 +13,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_length, empty, surely_finite
-from warpvis.core.checks import check_choice
+from warpvis.core.checks import as_items, check_choice
 from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
-from warpvis.errors import PoseError
+from warpvis.errors import ArrayError, PoseError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.closed import may_contain_points
 from warpvis.scene.worlds import parse_worlds, pose_columns
@@ -133,6 +133,14 @@ def standing_room(
         find_free_poses, (1, len(poses)), lambda window: [*inputs, window, *outputs], device=device, threads=threads
     )
     return is_free.numpy() != 0
+
+
+def check_exclude(exclude: Excluded) -> list[str | int]:
+    """Check names or indices of objects that are excluded in all views, and return them."""
+    items = [] if exclude is None else as_items(exclude, "exclude")
+    if not all(isinstance(item, str | int | np.integer) for item in items):
+        raise ArrayError("exclude must be names or indices of objects, the same for all views")
+    return items
 
 
 def one_world(

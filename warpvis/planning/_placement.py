@@ -19,9 +19,9 @@ from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.types import ArrayInput, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError
 from warpvis.maps import OccupancyMap, Voxel
-from warpvis.planning._best_views import check_exclude
 from warpvis.planning._choice import Choice, Tally, choose_exactly, choose_greedily, tally_of
 from warpvis.planning._coverage import Samples, read_points, read_weights
+from warpvis.planning._free_space import check_exclude
 from warpvis.planning._seen_pairs import SeenPairs, find_seen_pairs
 from warpvis.scene import Scene, require_scene
 from warpvis.visibility import MeasuredSpace
@@ -195,7 +195,7 @@ def place_cameras(
         tolerance=tolerance,
         occupancy=occupancy,
         object_poses=object_poses,
-        exclude=check_exclude(exclude),
+        exclude=check_exclude(exclude) or None,
         threads=threads,
     )
     shares = factors / (factors.sum() * pairs.worlds)

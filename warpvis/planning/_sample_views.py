@@ -17,9 +17,9 @@ from warpvis.core.checks import check_flag, check_mapping, check_whole, describe
 from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_opencv, to_xyzw
 from warpvis.core.types import ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, PoseError
-from warpvis.planning._check_constraints import Observer, as_faces, check_excluded, parse_agents, violations
+from warpvis.planning._check_constraints import Observer, as_faces, parse_agents, violations
 from warpvis.planning._constraints import Constraints, parse_constraints
-from warpvis.planning._free_space import inside_solids, one_world
+from warpvis.planning._free_space import check_exclude, inside_solids, one_world
 from warpvis.planning._overlap import boxes_meet_boxes, boxes_meet_triangles, points_in_boxes
 from warpvis.planning._regions import BoxRegion, MovedObject, ShellRegion, SupportRegion, find_targets
 from warpvis.scene import Scene, require_scene
@@ -205,7 +205,7 @@ class _Sampler:
         quaternion: QuaternionOrder,
     ) -> _Sampler:
         require_scene(scene).require_objects()
-        excluded = check_excluded(exclude)
+        excluded = check_exclude(exclude)
         observers, region = [], None
         if view is not None:
             name, camera, constraints, region = view
