@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of constraints, sampled poses and placed cameras: ``name: (function, arguments)``."""
+"""Valid arguments of public functions of `planning`: ``name: (function, arguments)``."""
 
-from arguments_shared import CAMERA, MOVED, POSE, VIEW, WORLDS, agents, scene
+from arguments_shared import CAMERA, MOVED, POSE, SEEN, VIEW, WORLDS, agents, scene
 
 import warpvis as wv
 
@@ -22,7 +22,84 @@ def planning_cases(folder):
     }
     placed = planned.place_cameras(seen, CAMERA, POSE, [[3, 0, 0]], 1)
     one = {"object_poses": MOVED, "exclude": ["floor"], "threads": 1}
+    found = SEEN.candidates("human", "robot", labels=None)
+    room = {"radius": 0.1, "floor": -1.0, "step": 0.1}
+    best = planned.best_views(seen, CAMERA, POSE, objects=["box"])
+    covered = planned.coverage(seen, CAMERA, POSE)
     return {
+        "BestViews.pose": (best.pose, {"rank": 0}),
+        "Coverage.best": (covered.best, {"count": 1}),
+        "best_views": (
+            planned.best_views,
+            {
+                "scene": seen,
+                "camera": CAMERA,
+                "candidates": [POSE],
+                "objects": ["box"],
+                "weights": [1.0],
+                "measure": "fraction",
+                "count": 1,
+                "start": (0, 0, 0),
+                "path_lengths": None,
+                "tie": 0.1,
+                "radius": 0.1,
+                "floor": -2.0,
+                "delta": 0.1,
+                "convention": "opencv",
+                **one,
+            },
+        ),
+        "clearance": (
+            planned.clearance,
+            {"scene": seen, "points": [[0, 0, 0]], "max_distance": 9.0, "objects": ["box"], **one},
+        ),
+        "coverage": (
+            planned.coverage,
+            {"scene": seen, **VIEW, "samples": None, "weights": None, "count": 1, "tolerance": 0.1, **one},
+        ),
+        "minimum_height": (
+            planned.minimum_height,
+            {
+                "scene": seen,
+                "eyes": [[0, 0, 0]],
+                "targets": [[3, 0, 0]],
+                "raises": "eye",
+                "max_height": 9.0,
+                "end_tolerance": 0.1,
+                **one,
+            },
+        ),
+        "pose_grid": (
+            planned.pose_grid,
+            {"center": (0, 0, 0), "radius": 1.0, "step": 1.0, "height": 1.0, "look_at": (0, 0, 0), "up": "z"},
+        ),
+        "pose_grid of headings": (
+            planned.pose_grid,
+            {"center": (0, 0, 0), "radius": 1.0, "step": 1.0, "height": 1.0, "headings": 2, "pitch": 0.1},
+        ),
+        "propose_view": (
+            planned.propose_view,
+            {
+                "scene": seen,
+                "robot": agents()[0],
+                "candidates": found,
+                "max_distance": 1.0,
+                "object_poses": MOVED,
+                **room,
+            },
+        ),
+        "standing_room": (planned.standing_room, {"scene": seen, "camera_to_world": POSE, **room, **one}),
+        "surface_samples": (
+            planned.surface_samples,
+            {
+                "scene": seen,
+                "spacing": 0.5,
+                "objects": ["box"],
+                "object_poses": MOVED,
+                "seed": 0,
+            },
+        ),
+        "surface_samples of labels": (planned.surface_samples, {"scene": seen, "spacing": 0.5, "labels": ["object"]}),
         "Constraint": (
             planned.Constraint,
             {

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Valid arguments of functions that measure visible fractions: ``name: (function, arguments)``."""
+"""Valid arguments of visible fractions, lines of sight and cameras watched live: ``name: (function, arguments)``."""
 
 import mujoco
-from arguments_shared import CAMERA, MODEL, POSE, VIEW, WORLDS, scene
+from arguments_shared import CAMERA, DEPTH, MODEL, MOVED, POSE, VIEW, WORLDS, agents, scene
 
 import warpvis as wv
 
@@ -17,6 +17,8 @@ def visibility_cases():
     data = mujoco.MjData(MODEL)
     mujoco.mj_forward(MODEL, data)
     checker = wv.mujoco.VisibilityChecker(MODEL, data, width=8, height=6)
+    watcher = wv.visibility.DepthWatcher(CAMERA, places={"mug": (2.0, 0.0, 1.0, 0.2)}, floor=-1.0, cell_size=0.1)
+    watched = watcher.update(DEPTH, POSE, time=0.0)
     return {
         "VisibilityChecker": (
             wv.mujoco.VisibilityChecker,
@@ -41,4 +43,34 @@ def visibility_cases():
             meter.measure,
             {"camera_to_world": POSE, **WORLDS, "convention": "opencv", "quaternion": "xyzw"},
         ),
+        "DepthWatcher": (
+            wv.visibility.DepthWatcher,
+            {
+                "camera": CAMERA,
+                "places": {"mug": (2.0, 0.0, 1.0, 0.2)},
+                "floor": -1.0,
+                "up": (0.0, 0.0, 1.0),
+                "camera_height": 1.0,
+                "cell_size": 0.1,
+                "max_range": 3.0,
+                "sigma": 0.01,
+                "person_radius": 0.3,
+                "robot": "robot",
+                "model": wv.visibility.ReferenceModel(),
+                "device": "cpu",
+            },
+        ),
+        "DepthWatcher.update": (
+            watcher.update,
+            {"depth": DEPTH, "camera_to_world": POSE, "people": agents()[1:], "time": 1.0}
+            | {"convention": "opencv", "quaternion": "xyzw"},
+        ),
+        "DepthWatcher.lines_of_sight": (watcher.lines_of_sight, {"point": (1.0, 0.0, 0.2)}),
+        "DepthWatcher.turn_eyes": (watcher.turn_eyes, {"name": "human", "angles": (0.2, -0.1)}),
+        "line_of_sight": (
+            wv.visibility.line_of_sight,
+            {"scene": seen, "agent": agents()[0], "point": (1.0, 0.0, 0.2), "tolerance": 0.001}
+            | {"occupancy": None, "object_poses": MOVED},
+        ),
+        "Watched.floor_map": (watched.floor_map, {"cell_size": 0.1, "max_range": 3.0}),
     }
