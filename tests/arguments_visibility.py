@@ -3,7 +3,7 @@
 """Valid arguments of visible fractions, lines of sight and cameras watched live: ``name: (function, arguments)``."""
 
 import mujoco
-from arguments_shared import CAMERA, DEPTH, MODEL, MOVED, POSE, VIEW, WORLDS, agents, scene
+from arguments_shared import CAMERA, DEPTH, MODEL, MOVED, POSE, SCALES, VIEW, WORLDS, agents, scene
 
 import warpvis as wv
 
@@ -12,7 +12,7 @@ def visibility_cases():
     """Return the cases."""
     seen = scene()
     options = {"objects": {"both": ["box", "cart"]}, "canvas": (1, 1, 1, 1), "min_samples": 4, "occluders": 2}
-    options |= {"caster": "auto", "threads": 1}
+    options |= {"near_plane": "clip", "caster": "auto", "threads": 1}
     meter = wv.visibility.FractionMeter(seen, CAMERA, objects=["box"])
     data = mujoco.MjData(MODEL)
     mujoco.mj_forward(MODEL, data)
@@ -37,11 +37,11 @@ def visibility_cases():
             checker.check_camera_visibility_constraints,
             {"constraints": {"eye": {1: 0.1}}},
         ),
-        "visible_fractions": (wv.visible_fractions, {"scene": seen, **VIEW, **WORLDS, **options}),
+        "visible_fractions": (wv.visible_fractions, {"scene": seen, **VIEW, **WORLDS, **SCALES, **options}),
         "FractionMeter": (wv.visibility.FractionMeter, {"scene": seen, "camera": CAMERA, **options}),
         "FractionMeter.measure": (
             meter.measure,
-            {"camera_to_world": POSE, **WORLDS, "convention": "opencv", "quaternion": "xyzw"},
+            {"camera_to_world": POSE, **WORLDS, **SCALES, "convention": "opencv", "quaternion": "xyzw", "out": None},
         ),
         "DepthWatcher": (
             wv.visibility.DepthWatcher,

@@ -164,6 +164,7 @@ from reference_silhouettes import (  # noqa: F401
     measure_silhouettes_packets,
     measure_silhouettes_rays,
     spread_poses,
+    spread_sizes,
 )
 from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # noqa: F401
 from reference_sky import paint_sky, paint_sky_rows  # noqa: F401

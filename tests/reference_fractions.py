@@ -67,10 +67,19 @@ def find_window(
 
 
 def measure_fractions(
-    scene: Scene, camera: Camera, pose: NDArray, members: list[int], *, canvas: tuple[int, int, int, int], least: int
+    scene: Scene,
+    camera: Camera,
+    pose: NDArray,
+    members: list[int],
+    *,
+    canvas: tuple[int, int, int, int],
+    least: int,
+    near_plane: str = "occlude",
 ) -> Samples | None:
     """Return the states of a target's samples; None if it cannot be on the canvas."""
     import reference
+
+    plane = {"near": camera.near if near_plane == "clip" else 0.0, "near_plane": near_plane}
 
     across, x0, y0, x1, y1 = find_window(scene, camera, pose, members, canvas, least)
     if not across:
@@ -81,12 +90,12 @@ def measure_fractions(
     rays[..., 1] = ((y + 0.5) / across - camera.cy) / camera.fy
     depth = np.full(x.shape, np.inf)
     for index in members:
-        depth = np.minimum(depth, reference.cast_ray_table(Alone((scene.objects[index],)), rays, pose).depth)
+        depth = np.minimum(depth, reference.cast_ray_table(Alone((scene.objects[index],)), rays, pose, **plane).depth)
     depth[(x < x0) | (x >= x1) | (y < y0) | (y >= y1)] = np.inf
     silhouette = np.isfinite(depth)
     in_image = silhouette & (x >= 0) & (y >= 0) & (x < camera.width * across) & (y < camera.height * across)
     near, far = in_image & (depth < camera.near), in_image & (depth > camera.far)
-    shown = reference.cast_ray_table(scene, rays, pose)
+    shown = reference.cast_ray_table(scene, rays, pose, **plane)
     is_open = np.isin(shown.objects, members) | (shown.depth >= depth)
     visible = in_image & ~near & ~far & is_open
     return Samples(across, x0 - 1, y0 - 1, silhouette, visible, in_image, near, far, shown.objects)

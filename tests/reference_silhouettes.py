@@ -141,3 +141,13 @@ def _box(mask: NDArray, left: int, top: int) -> list[int]:
 def spread_poses(object_poses: NDArray, columns: NDArray, at_rest: NDArray) -> NDArray:
     """Return every object's pose in every world, shape (W, objects, 7)."""
     return np.where(columns[:, None] >= 0, object_poses[:, columns], at_rest)
+
+
+def spread_sizes(
+    object_sizes: NDArray, original: NDArray, isolated: NDArray, columns: NDArray, is_attached: NDArray
+) -> NDArray:
+    """Return every object's size in every world, shape (W, objects, 4)."""
+    of_parents = isolated * object_sizes[:, columns] / original[columns]
+    of_parents[..., 3] = isolated[:, 3]
+    moved = np.where(is_attached[:, None] > 0, of_parents, object_sizes[:, columns])
+    return np.where(columns[:, None] >= 0, moved, isolated)

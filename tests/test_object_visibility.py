@@ -289,3 +289,16 @@ def test_spread_poses_matches_reference():
     inputs = [places[0], wp.array(columns, dtype=wp.int32, device="cpu"), places[1], out]
     wp.launch(spread_poses, dim=(2, 4), inputs=inputs, device="cpu")
     assert (out.numpy().view(np.float32).reshape(2, 4, 7) == reference.spread_poses(rows, columns, at_rest)).all()
+
+
+def test_spread_sizes_matches_reference():
+    from warpvis.kernels.visibility.silhouettes import spread_sizes
+
+    rng, columns, is_attached = np.random.default_rng(0), np.array([2, -1, 0, 0, 1]), np.array([0, 0, 1, 0, 0])
+    arrays = [rng.uniform(0.5, 2, shape).astype(np.float32) for shape in ((2, 3, 4), (3, 4), (5, 4))]
+    out = wp.zeros((2, 5), dtype=wp.vec4, device="cpu")
+    inputs = [wp.array(array, dtype=wp.vec4, device="cpu") for array in arrays]
+    flags = wp.array(is_attached, dtype=wp.uint8, device="cpu")
+    inputs += [wp.array(columns, dtype=wp.int32, device="cpu"), flags, out]
+    wp.launch(spread_sizes, dim=(2, 5), inputs=inputs, device="cpu")
+    assert np.allclose(out.numpy(), reference.spread_sizes(*arrays, columns, is_attached), rtol=1e-6, atol=0)

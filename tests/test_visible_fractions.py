@@ -10,6 +10,7 @@ import trimesh
 import warp as wp
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import WarpvisError
 from warpvis.visibility import FractionMeter
 
@@ -114,6 +115,112 @@ def test_pixel_counts_are_those_of_object_visibility(device, caster):
     for name, other in {"visible_pixels": "", "silhouette_pixels": "", "fraction": "", "box": "visible_box"}.items():
         assert np.array_equal(getattr(found, name).numpy(), getattr(expected, other or name).numpy()), name
     assert np.array_equal(found.occluders.numpy()[..., 0], expected.occluder.numpy())
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_near_planes_clip_silhouettes_and_occluders(device, caster):
+    """A camera looks through a card, and part of a ball, that are nearer than the near plane."""
+    scene = room(3)[0].to(device)
+    scene.add(trimesh.creation.box((0.6, 0.5, 0.02)), name="card", pose=(0, -2.6, 0.9, 0, 0, 0, 1))
+    scene.add(trimesh.creation.icosphere(2, 0.4), name="ball", pose=(0.5, -2.0, 0.8, 0, 0, 0, 1))
+    camera = dataclasses.replace(CAMERA, near=0.9)
+    pose = wv.look_at((0.2, -2.9, 1.1), (0.2, 0, 0.4))
+    meters = [
+        FractionMeter(scene, camera, min_samples=300, near_plane=plane, caster=caster) for plane in ("clip", "occlude")
+    ]
+    clipped, others = (values(meter.measure(pose)) for meter in meters)
+    for index in range(len(scene)):
+        samples = reference.measure_fractions(scene, camera, pose, [index], canvas=CANVAS, least=300, near_plane="clip")
+        expected = reference.judge_fractions(samples, camera, 3)
+        assert_close({name: array[0, index] for name, array in clipped.items()}, expected, samples)
+    ball = scene.index("ball")
+    assert 0 < clipped["silhouette_pixels"][0, ball] < others["silhouette_pixels"][0, ball]
+    assert clipped["fraction"].sum() > others["fraction"].sum() + 0.5
+
+
+def sized(device, scales):
+    """Return a scene with a scaled box, cylinder, sphere, and a handle that is attached to the box."""
+    scene, (box, can, ball) = wv.Scene(device=device), scales
+    scene.add(trimesh.creation.box((3, 3, 0.02)), name="floor")
+    parts = {"box": trimesh.creation.box((0.3, 0.2, 0.2)), "handle": trimesh.creation.box((0.4, 0.05, 0.05))}
+    for part in parts.values():
+        part.vertices *= box
+    parts["handle"].vertices += np.array([0.2, 0, 0.1]) * box
+    scene.add(parts["box"], name="box", movable=True, pose=(0, 0, 0, 0, 0, 0, 1))
+    scene.add(parts["handle"], name="handle", attach_to="box")
+    can_mesh = trimesh.creation.cylinder(0.1, 0.3, sections=24)
+    can_mesh.vertices *= can
+    scene.add(can_mesh, name="can", movable=True)
+    scene.add(wv.scene.solids.ellipsoid(0.15 * np.array(ball)), name="ball", movable=True)
+    return scene
+
+
+@pytest.mark.parametrize("caster", ["packets", "rays"])
+def test_scaled_objects_are_measured_as_if_built_larger(device, caster):
+    rng, ones = np.random.default_rng(5), np.ones((3, 3))
+    places = [(0.0, 0.1, 0.2, 0, 0, 0.6, 0.8), (0.4, 0.0, 0.2, 0, 0, 0, 1), (0.1, -0.5, 0.3, 0, 0.6, 0, 0.8)]
+    camera = wv.Camera.from_fov(80, 60, hfov=1.0)
+    eyes = np.array([wv.look_at((0.3 * k, -1.6, 0.7), (0.1, 0, 0.2)) for k in (-2, 0, 2)])
+    meter = FractionMeter(sized(device, ones), camera, caster=caster)
+    scales = rng.uniform(0.6, 1.5, (2, 3, 3)).astype(np.float32)
+    objects = np.stack([places, places])
+    found = values(meter.measure(np.stack([eyes, eyes]), object_poses=objects, object_scales=scales))
+    for world, factors in enumerate(scales):
+        built = sized(device, factors)
+        expected = values(FractionMeter(built, camera, caster=caster).measure(eyes, object_poses=np.array(places)))
+        for name in ("status", "box", "occluders"):
+            assert np.array_equal(found[name][world], expected[name]), name
+        for name in ("fraction", "occluder_shares"):
+            assert np.allclose(found[name][world], expected[name], atol=5e-3), name
+        assert np.abs(found["silhouette_pixels"][world] - expected["silhouette_pixels"]).max() <= 1
+    assert not np.allclose(found["fraction"][0], found["fraction"][1], atol=0.02)
+
+
+def test_cameras_in_worlds_are_views_of_their_world(device):
+    scene = desk(device)
+    rng, meter = np.random.default_rng(0), FractionMeter(scene, CAMERA)
+    objects = np.stack([np.stack([scene.objects[index].pose for index in scene.movable])] * 3)
+    objects[:, :, :2] += rng.uniform(-0.5, 0.5, (3, 2, 2))
+    eyes = np.stack([cameras()[:2]] * 3) + rng.uniform(0, 0.1, (3, 2, 1)) * (1, 1, 1, 0, 0, 0, 0)
+    by_view = {"object_poses": objects, "world_index": np.repeat(np.arange(3), 2)}
+    expected = values(meter.measure(eyes.reshape(-1, 7), **by_view))
+    matrices = poses_to_matrices(eyes.reshape(-1, 7)).reshape(3, 2, 4, 4)
+    rows = wp.array(eyes.astype(np.float32), dtype=wp.transform, device=device)
+    assert rows.shape == (3, 2)
+    for given in (eyes, eyes.tolist(), matrices, rows):
+        found = meter.measure(given, object_poses=objects)
+        assert found.fraction.shape == (3, 2, len(scene)) and found.occluders.shape == (3, 2, len(scene), 3)
+        for name, array in values(found).items():
+            assert np.allclose(array.reshape(expected[name].shape), expected[name], atol=1e-6), name
+    reordered = wv.visible_fractions(
+        scene,
+        CAMERA,
+        eyes[..., [0, 1, 2, 6, 3, 4, 5]],
+        object_poses=objects[..., [0, 1, 2, 6, 3, 4, 5]],
+        quaternion="wxyz",
+    )
+    assert np.array_equal(values(reordered)["fraction"].reshape(6, -1), expected["fraction"])
+    # One arrangement of the objects for all rows of cameras.
+    same = meter.measure(eyes, object_poses=objects[0]).fraction.numpy()
+    assert np.array_equal(same[2], meter.measure(eyes[2], object_poses=objects[0]).fraction.numpy())
+    with pytest.raises(WarpvisError, match="world_index must be None if camera_to_world has poses for each world"):
+        meter.measure(eyes, **by_view)
+    with pytest.raises(WarpvisError, match=r"poses for each of the 3 worlds of object_poses, .* got those of 2"):
+        meter.measure(eyes[:2], object_poses=objects)
+
+
+def test_results_are_written_to_out(device):
+    meter = FractionMeter(desk(device), CAMERA, objects=["ball"])
+    first = meter.measure(cameras())
+    expected = values(meter.measure(cameras()[::-1].copy()))
+    again = meter.measure(cameras()[::-1].copy(), out=first)
+    assert again.fraction.ptr == first.fraction.ptr
+    for name, array in values(again).items():
+        assert np.array_equal(array, expected[name]), name
+    with pytest.raises(WarpvisError, match=r"out\.fraction must have shape \(2, 1\)"):
+        meter.measure(cameras()[:2], out=first)
+    with pytest.raises(WarpvisError, match="out must be an ObjectFractions, got int"):
+        meter.measure(cameras(), out=3)
 
 
 def finer(camera, factor):

@@ -10,13 +10,7 @@ from warpvis.kernels.casting.worlds import Worlds
 from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.visibility.fractions import Sampling, Targets
 
-wp.set_module_options(
-    {
-        "enable_backward": False,
-        "default_grid_stride": False,
-        "extra_build_options": native_options("cuda/fractions.h", 32, True, True, False),
-    }
-)
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
 @wp.func_native(
@@ -48,42 +42,54 @@ def measure_part(
 ): ...
 
 
-@wp.kernel(cuda_max_registers=128)
-def measure_fractions_packets_cuda(
-    # Scene:
-    scene: BvhScene,
-    isolated: BvhScene,
-    targets: Targets,
-    # Cameras:
-    camera: PinholeCamera,
-    camera_to_world: wp.array[wp.transform],
-    # In:
-    sampling: Sampling,
-    worlds: Worlds,
-    spread_worlds: Worlds,
-    found: FoundObjects,
-    # Out:
-    counts_out: wp.array3d[wp.int32],
-    hidden_by_out: wp.array3d[wp.int32],
-):
-    """Count samples as in `measure_fractions`: 32 threads for each of `Sampling.threads` parts of a target in a view.
+def make_fraction_kernel(clip: bool, resized: bool) -> wp.Kernel:
+    """Make a kernel for packets of samples of targets; arguments as for `packets_cuda.make_packet_kernel`."""
+    options = native_options("cuda/fractions.h", 32, True, True, resized, clip=clip)
 
-    `found` is unused.
-    """
-    part, view, target, _ = wp.tid()
-    measure_part(
-        scene,
-        isolated,
-        targets,
-        camera,
-        camera_to_world,
-        sampling,
-        worlds,
-        spread_worlds,
-        found,
-        view,
-        target,
-        part,
-        counts_out,
-        hidden_by_out,
+    @wp.kernel(
+        module="unique",
+        enable_backward=False,
+        grid_stride=False,
+        cuda_max_registers=128,
+        module_options={"extra_build_options": options},
     )
+    def measure_fractions_packets_cuda(
+        # Scene:
+        scene: BvhScene,
+        isolated: BvhScene,
+        targets: Targets,
+        # Cameras:
+        camera: PinholeCamera,
+        camera_to_world: wp.array[wp.transform],
+        # In:
+        sampling: Sampling,
+        worlds: Worlds,
+        spread_worlds: Worlds,
+        found: FoundObjects,
+        # Out:
+        counts_out: wp.array3d[wp.int32],
+        hidden_by_out: wp.array3d[wp.int32],
+    ):
+        """Count samples as in `measure_fractions`: 32 threads for each of `Sampling.threads` parts of a target.
+
+        `found` is unused.
+        """
+        part, view, target, _ = wp.tid()
+        measure_part(
+            scene,
+            isolated,
+            targets,
+            camera,
+            camera_to_world,
+            sampling,
+            worlds,
+            spread_worlds,
+            found,
+            view,
+            target,
+            part,
+            counts_out,
+            hidden_by_out,
+        )
+
+    return measure_fractions_packets_cuda

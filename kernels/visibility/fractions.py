@@ -8,8 +8,8 @@ center. The same is done by packets on CPU cores, see ``native/cpu/fractions.h``
 
 import warp as wp
 
-from warpvis.kernels.casting.rays import RayRange, trace_ray
-from warpvis.kernels.casting.triangle_scene import TriangleScene, object_of, seen_from, shows_solid
+from warpvis.kernels.casting.rays import FARTHEST, RayRange, measure, meet_object, no_hit, object_frame, trace_ray
+from warpvis.kernels.casting.triangle_scene import TriangleScene, factors_of, object_of, seen_from
 from warpvis.kernels.casting.worlds import Worlds, is_excluded, world_of
 from warpvis.kernels.constants import (
     FRACTION_BOX,
@@ -25,8 +25,8 @@ from warpvis.kernels.constants import (
     VISIBLE_CENTERS,
     VISIBLE_SAMPLES,
 )
-from warpvis.kernels.pinhole import Frame, PinholeCamera, Window, frame_of, locate
-from warpvis.kernels.visibility.silhouettes import Canvas, box_of, high_code, low_code, meet_isolated, reason
+from warpvis.kernels.pinhole import Frame, PinholeCamera, Window, clip_depth, frame_of, locate
+from warpvis.kernels.visibility.silhouettes import Canvas, box_of, high_code, low_code, reason
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -81,6 +81,7 @@ class Sample:
 
 @wp.func
 def find_window(
+    isolated: TriangleScene,
     camera: PinholeCamera,
     in_world: Frame,
     targets: Targets,
@@ -100,6 +101,7 @@ def find_window(
         if is_excluded(worlds, view, index):
             continue
         frame = seen_from(in_world, frame_of(worlds.object_poses[world, index]))
+        factors = factors_of(isolated, worlds, world, index)
         low, high = targets.boxes[index, 0], targets.boxes[index, 1]
         behind = int(0)
         for k in range(8):
@@ -107,7 +109,7 @@ def find_window(
             for axis in range(3):
                 if (k >> axis) & 1 != 0:
                     place[axis] = wp.float64(high[axis])
-            p = wp.quat_rotate_inv(frame.rotation, place - frame.origin)
+            p = wp.quat_rotate_inv(frame.rotation, wp.cw_mul(factors, place) - frame.origin)
             if p[2] <= wp.float64(0.0):
                 behind += 1
             else:
@@ -176,23 +178,25 @@ def examine(
     sample = Sample()
     sample.occluder = -1
     world = world_of(spread_worlds, view)
-    depth = float(wp.inf)
+    range_of_rays = RayRange()
+    range_of_rays.far = wp.inf
+    range_of_rays.clip = clip_depth(camera)
+    range_of_rays.is_planar = True
+    own = no_hit()
+    own.depth = float(FARTHEST)
     for i in range(targets.first[target], targets.first[target + 1]):
         index = targets.members[i]
-        if not is_excluded(worlds, view, index):
-            frame = seen_from(in_world, frame_of(spread_worlds.object_poses[world, index]))
-            is_round = shows_solid(isolated.movable_solid[index], isolated.movable_size[index], frame.origin)
-            depth = wp.min(depth, meet_isolated(isolated, spread_worlds, view, index, frame, is_round, ray, True))
-    if not wp.isfinite(depth):
+        frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, index))
+        own = meet_object(isolated, spread_worlds, world, view, index, frame, ray, range_of_rays.clip, False, own)
+    if own.face < 0:
         return sample
+    frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, own.movable))
+    depth = measure(isolated, spread_worlds, world, frame, range_of_rays, ray, own).depth
     sample.state = HIDDEN
     sample.depth = depth
     sample.is_in_image = x >= 0 and y >= 0 and x < int(camera.width) * across and y < int(camera.height) * across
     if not sample.is_in_image or depth < camera.near or depth > camera.far:
         return sample
-    range_of_rays = RayRange()
-    range_of_rays.far = wp.inf
-    range_of_rays.is_planar = True
     hit = trace_ray(scene, range_of_rays, in_world, worlds, worlds, view, ray, False)
     if hit.face >= 0:
         shown = object_of(scene, hit.movable, hit.face)
@@ -287,7 +291,7 @@ def measure_fractions(
     if world < 0:
         return
     in_world = frame_of(camera_to_world[view])
-    part = find_window(camera, in_world, targets, spread_worlds, sampling, view, world, target)
+    part = find_window(isolated, camera, in_world, targets, spread_worlds, sampling, view, world, target)
     if first == 0:
         counts_out[SAMPLES_ACROSS, view, target] = part.across
     if part.across == 0:

@@ -89,6 +89,34 @@ def spread_poses(
     poses_out[world, index] = pose
 
 
+@wp.kernel
+def spread_sizes(
+    # In:
+    object_sizes: wp.array2d[wp.vec4],
+    original: wp.array[wp.vec4],
+    isolated: wp.array[wp.vec4],
+    columns: wp.array[wp.int32],
+    is_attached: wp.array[wp.uint8],
+    # Out:
+    sizes_out: wp.array2d[wp.vec4],
+):
+    """Write `Worlds.object_sizes` of every object from the sizes of movable objects.
+
+    `original` are the sizes of movable objects before scaling, and `isolated` those of all objects. An attached object
+    is scaled like the one that it moves with; column -1 is a static object.
+    """
+    world, index = wp.tid()
+    column = columns[index]
+    if column < 0:
+        sizes_out[world, index] = isolated[index]
+    elif is_attached[index] == wp.uint8(0):
+        sizes_out[world, index] = object_sizes[world, column]
+    else:
+        size, current, before = isolated[index], object_sizes[world, column], original[column]
+        factor = wp.cw_div(current, before)
+        sizes_out[world, index] = wp.vec4(size[0] * factor[0], size[1] * factor[1], size[2] * factor[2], size[3])
+
+
 @wp.func
 def meet_isolated(
     scene: TriangleScene,

@@ -5,27 +5,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import warp as wp
 
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.arrays import aligned_zeros, empty
-from warpvis.core.checks import as_items, check_whole
+from warpvis.core.arrays import aligned_zeros, check_out, empty
+from warpvis.core.checks import as_items, check_choice, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.pose_order import warn_of_order
-from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.threads import check_threads, launch_images, launch_shared, pack_launch, write_fields
-from warpvis.core.types import ArrayInput, Excluded, KernelArguments, ObjectPoses, PoseLike
+from warpvis.core.types import ArrayInput, Excluded, KernelArguments, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.kernels.constants import CUDA_LANES, FRACTION_COUNTERS, JOB_COUNTERS
-from warpvis.rendering import CasterName, choose_caster
+from warpvis.rendering import CasterName, NearPlane, choose_caster
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
+from warpvis.scene.worlds import part_of
 from warpvis.visibility._objects import check_canvas, choose_objects, warn_of_unseen
-from warpvis.visibility._silhouettes import spread_worlds
+from warpvis.visibility._silhouettes import ObjectFrames
+from warpvis.visibility._world_views import parse_world_views
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
@@ -58,7 +60,10 @@ _RESULTS = {
 
 @dataclass(frozen=True)
 class ObjectFractions:
-    """Visible fractions of K targets in V views: `wp.array`s on the scene's device, indexed ``[view, target]``."""
+    """Visible fractions of K targets in V views: `wp.array`s on the scene's device, indexed ``[view, target]``.
+
+    With poses of shape ``(W, M, ...)``, arrays are indexed ``[world, camera, target]``: V is then W, M.
+    """
 
     names: tuple[str, ...]
     """Names of the targets."""
@@ -95,6 +100,7 @@ class FractionMeter:
         canvas: tuple[int, int, int, int] | None = None,
         min_samples: int = 256,
         occluders: int = 3,
+        near_plane: NearPlane = "occlude",
         caster: CasterName = "auto",
         threads: int | None = None,
     ) -> None:
@@ -122,15 +128,21 @@ class FractionMeter:
         self._targets.members = wp.array(members, dtype=wp.int32, device=self._device)
         self._read_scene(scene.isolated())
         self._sampling = Sampling()
-        canvas_struct, sides = self._sampling.canvas, check_canvas(canvas, camera)
-        canvas_struct.x0, canvas_struct.y0 = -sides[0], -sides[1]
-        canvas_struct.x1, canvas_struct.y1 = camera.width + sides[2], camera.height + sides[3]
+        canvas_struct, (left, top, right, bottom) = self._sampling.canvas, check_canvas(canvas, camera)
+        canvas_struct.x0, canvas_struct.y0 = -left, -top
+        canvas_struct.x1, canvas_struct.y1 = camera.width + right, camera.height + bottom
         self._sampling.min_samples = self._min_samples
+        clips = check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip"
+        self._device_camera = camera.device_struct(clip_near=clips)
+        size = {"width": camera.width + left + right, "height": camera.height + top + bottom}
+        on_canvas = replace(camera, cx=camera.cx + left, cy=camera.cy + top, **size).device_struct(clip_near=clips)
+        self._device_camera.clip_reach = on_canvas.clip_reach
+        self._clips = self._device_camera.clip_reach > 0
 
     def _read_scene(self, isolated: Scene) -> None:
         """Prepare for the scene as it is, in which each object has a frame in `isolated`."""
         self._isolated = isolated
-        self._columns = wp.array(pose_columns(self._scene), dtype=wp.int32, device=self._device)
+        self._frames = ObjectFrames(self._scene, isolated)
         boxes = isolated.bvh().struct.movable_boxes
         self._targets.boxes = boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
         self._workspaces: dict[int, _Workspace] = {}
@@ -142,25 +154,42 @@ class FractionMeter:
         object_poses: ObjectPoses = None,
         world_index: ArrayInput | None = None,
         exclude: Excluded = None,
+        object_scales: ObjectScales = None,
         convention: Convention = "opencv",
         quaternion: QuaternionOrder = "xyzw",
+        out: ObjectFractions | None = None,
     ) -> ObjectFractions:
-        """Measure the targets in views; arguments as for `visible_fractions`."""
-        camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-        poses = parse_poses(camera_to_world, convention=convention, device=self._device)
-        return self.measure_parsed(poses, parse_worlds(self._scene, len(poses), object_poses, world_index, exclude))
+        """Measure the targets in views; arguments as for `visible_fractions`.
 
-    def measure_parsed(self, poses: wp.array, worlds: Worlds) -> ObjectFractions:
-        """Measure the targets at parsed poses in parsed worlds."""
+        Args:
+            camera_to_world: Poses, as for `visible_fractions`, and so are the others.
+            object_poses: Poses of movable objects.
+            world_index: The world of each view.
+            exclude: Excluded objects.
+            object_scales: Scales of movable objects.
+            convention: Axes of the camera frame.
+            quaternion: Order of the quaternions.
+            out: The result of an earlier call with as many views, to write into.
+        """
+        moved = object_poses, world_index, exclude, object_scales
+        views = parse_world_views(self._scene, camera_to_world, *moved, convention, quaternion)
+        return self.measure_parsed(views.poses, views.worlds, views.shape, out)
+
+    def measure_parsed(
+        self, poses: wp.array, worlds: Worlds, shape: tuple[int, ...] = (), out: ObjectFractions | None = None
+    ) -> ObjectFractions:
+        """Measure the targets at parsed poses in parsed worlds; results have a leading shape, by default ``(V,)``."""
         from warpvis.kernels.visibility.fractions import judge_fractions
 
         views, count, device = len(poses), len(self.names), self._device
         isolated = self._scene.isolated()
         if isolated is not self._isolated:  # the scene has changed
             self._read_scene(isolated)
-        result = self._allocate(views, count)
-        spread = spread_worlds(self._isolated, self._columns, worlds)
+        result = self._allocate(shape or (views,)) if out is None else self._checked(out, shape or (views,))
+        arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
+        if len(shape) > 1:
+            arrays = [array.reshape((views, *array.shape[len(shape) :])) for array in arrays]
+        spread = self._frames.spread(worlds)
         max_bytes = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
         step = max(1, max_bytes // (4 * count * (FRACTION_COUNTERS + len(self._scene))))
         for start in range(0, views, step):
@@ -171,20 +200,31 @@ class FractionMeter:
             hidden_by = wp.zeros((size, count, len(self._scene)), dtype=wp.int32, device=device)
             part_worlds, part_spread = (worlds, spread) if whole else (part_of(worlds, part), part_of(spread, part))
             self._count(poses if whole else poses[part], part_worlds, part_spread, counts, hidden_by)
-            arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
             outs = arrays if whole else [array[part] for array in arrays]
             inputs = [counts, hidden_by, self._camera.width * self._camera.height, *outs]
             launch(judge_fractions, (size, count), inputs, device)
         return result
 
-    def _allocate(self, views: int, count: int) -> ObjectFractions:
-        arrays = {
-            name: empty((views, count), dtype, name=name, device=self._device) for name, dtype in _RESULTS.items()
+    def _layout(self, shape: tuple[int, ...]) -> dict[str, tuple[tuple[int, ...], type]]:
+        """Return the shape and the dtype of each result of views of a shape."""
+        of_targets = (*shape, len(self.names))
+        of_occluders = (*of_targets, self._occluders)
+        return {name: (of_targets, dtype) for name, dtype in _RESULTS.items()} | {
+            "occluders": (of_occluders, wp.int32),
+            "occluder_shares": (of_occluders, wp.float32),
         }
-        shape = (views, count, self._occluders)
-        arrays["occluders"] = empty(shape, wp.int32, name="occluders", device=self._device)
-        arrays["occluder_shares"] = empty(shape, wp.float32, name="occluder_shares", device=self._device)
+
+    def _allocate(self, shape: tuple[int, ...]) -> ObjectFractions:
+        layout = self._layout(shape).items()
+        arrays = {name: empty(size, dtype, name=name, device=self._device) for name, (size, dtype) in layout}
         return ObjectFractions(self.names, **arrays)
+
+    def _checked(self, out: ObjectFractions, shape: tuple[int, ...]) -> ObjectFractions:
+        if not isinstance(out, ObjectFractions):
+            raise ArrayError(f"out must be an ObjectFractions, got {type(out).__name__}")
+        for name, (size, dtype) in self._layout(shape).items():
+            check_out(getattr(out, name), dtype, size, name=f"out.{name}", device=self._device)
+        return out
 
     def _count(self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array) -> None:
         """Add the samples of views to the counters; see `warpvis.kernels.visibility.fractions.measure_fractions`."""
@@ -200,12 +240,11 @@ class FractionMeter:
         from warpvis.kernels.visibility.fractions import measure_fractions
 
         scene, isolated = self._scene.triangles().struct, self._isolated.triangles().struct
-        camera = self._camera.device_struct()
         self._sampling.threads = 1 if self._device.is_cpu else _CUDA_THREADS
 
         def arguments(window: Window) -> KernelArguments:
             inputs = [self._sampling, worlds, spread, counts, hidden_by]
-            return [scene, isolated, self._targets, camera, poses, window, *inputs]
+            return [scene, isolated, self._targets, self._device_camera, poses, window, *inputs]
 
         shape = (len(poses), len(self.names), self._sampling.threads)
         launch_images(measure_fractions, shape, arguments, device=self._device, threads=self._threads)
@@ -214,15 +253,22 @@ class FractionMeter:
         self, poses: wp.array, worlds: Worlds, spread: Worlds, counts: wp.array, hidden_by: wp.array
     ) -> None:
         from warpvis.kernels.casting.packets_cuda import FoundObjects
-        from warpvis.kernels.visibility.fraction_packets_cuda import measure_fractions_packets_cuda
 
         pairs = len(poses) * len(self.names)
         self._sampling.threads = min(max(_MIN_PARTS, _CUDA_WARPS // max(pairs, 1)), _MAX_PARTS)
         scenes = [self._scene.bvh().struct, self._isolated.bvh().struct]
-        inputs = [*scenes, self._targets, self._camera.device_struct(), poses, self._sampling, worlds, spread]
+        inputs = [*scenes, self._targets, self._device_camera, poses, self._sampling, worlds, spread]
         size = (self._sampling.threads, len(poses), len(self.names), CUDA_LANES)
         inputs += [FoundObjects(), counts, hidden_by]
-        launch(measure_fractions_packets_cuda, size, inputs, self._device, block_dim=CUDA_LANES)
+        resized = worlds.object_sizes is not None and worlds.object_sizes.size > 0
+        launch(_cuda_kernel(self._clips, resized), size, inputs, self._device, block_dim=CUDA_LANES)
+
+
+@cache
+def _cuda_kernel(clip: bool, resized: bool) -> wp.Kernel:
+    from warpvis.kernels.visibility.fraction_packets_cuda import make_fraction_kernel
+
+    return make_fraction_kernel(clip, resized)
 
 
 class _Workspace:
@@ -239,7 +285,7 @@ class _Workspace:
         shared.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
         shared.scratch_bytes = wp.zeros(1, dtype=wp.int64, device="cpu")
         sampling: Any = meter._sampling
-        write_fields(self._call, targets=meter._targets, camera=meter._camera.device_struct(), workers=shared)
+        write_fields(self._call, targets=meter._targets, camera=meter._device_camera, workers=shared)
         write_fields(self._call, canvas=sampling.canvas, min_samples=sampling.min_samples)
         write_fields(self._call, scene=meter._scene.bvh().struct, isolated=meter._isolated.bvh().struct)
         empty_counts = wp.zeros((1, 1, 1), dtype=wp.int32, device="cpu")
@@ -269,6 +315,8 @@ def visible_fractions(
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     exclude: Excluded = None,
+    object_scales: ObjectScales = None,
+    near_plane: NearPlane = "occlude",
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
     caster: CasterName = "auto",
@@ -292,7 +340,9 @@ def visible_fractions(
     Args:
         scene: The scene.
         camera: Image size, intrinsics and depth range of all views.
-        camera_to_world: Poses, as for `Renderer.render`.
+        camera_to_world: Poses, as for `Renderer.render`; or those of M cameras in each of W worlds, ``(W, M, 7)``,
+            ``(W, M, 4, 4)`` or ``(W, M)`` transform, where W is also the number of worlds of `object_poses` unless
+            that is 1.
         objects: The targets: names or indices of objects; a list among them is measured as one object, the union of its
             members. A dict gives names to targets: ``{"mug": ["mug_body", "mug_handle"]}``. All objects by default.
         canvas: Extension of the canvas beyond the image's left, top, right and bottom border [px]; by default the
@@ -303,6 +353,9 @@ def visible_fractions(
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: As for `Renderer.render`. An object has no samples in views that exclude it.
+        object_scales: As for `Renderer.render`.
+        near_plane: As for `Renderer`. With ``"clip"``, surfaces nearer than the camera's `near` are not part of
+            silhouettes, either.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
@@ -315,18 +368,19 @@ def visible_fractions(
         canvas=canvas,
         min_samples=min_samples,
         occluders=occluders,
+        near_plane=near_plane,
         caster=caster,
         threads=threads,
     )
-    camera_to_world = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
-    poses = parse_poses(camera_to_world, convention=convention, device=scene.device)
-    worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude)
-    found = meter.measure_parsed(poses, worlds)
+    moved = object_poses, world_index, exclude, object_scales
+    views = parse_world_views(scene, camera_to_world, *moved, convention, quaternion)
+    poses, worlds = views.poses, views.worlds
+    found = meter.measure_parsed(poses, worlds, views.shape)
     if scene.device.is_cpu and len(poses):
         if quaternion == "xyzw":
-            warn_of_order(camera_to_world, convention)
-        warn_of_unseen(scene, camera, poses, worlds, found.status, moves=object_poses is not None)
+            warn_of_order(views.given, convention)
+        status = found.status.reshape((len(poses), len(found.names)))
+        warn_of_unseen(scene, camera, poses, worlds, status, moves=object_poses is not None)
     return found
 
 

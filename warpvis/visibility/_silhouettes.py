@@ -60,7 +60,7 @@ class SilhouetteCounter:
         self._packets = caster == "packets" and device.is_cpu and self._lens is None
         self._isolated = scene.isolated()
         clusters = self._isolated.bvh()
-        self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
+        self._frames = ObjectFrames(scene, self._isolated)
         self._chosen = Chosen()
         self._chosen.index = wp.array(np.array(chosen, dtype=np.int32), dtype=wp.int32, device=device)
         self._chosen.boxes = clusters.struct.movable_boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
@@ -85,7 +85,7 @@ class SilhouetteCounter:
 
         compared = Comparison()
         compared.segmentation, compared.depth, compared.delta = seen.segmentation, seen.depth, self._delta
-        worlds = spread_worlds(self._isolated, self._columns, worlds)
+        worlds = self._frames.spread(worlds)
         outputs = [counts, hidden_by, masks]
         if self._packets:
             self._count_by_packets(poses, worlds, compared, outputs)
@@ -140,26 +140,34 @@ class SilhouetteCounter:
         launch_shared(launch, counter, workers)
 
 
-def spread_worlds(isolated: Scene, columns: wp.array, worlds: Worlds) -> Worlds:
-    """Return the same worlds with a pose for every object.
+class ObjectFrames:
+    """The frame of every object of a scene, as in `Scene.isolated`."""
 
-    Args:
-        isolated: The scene with a frame for each object, see `Scene.isolated`.
-        columns: Index of the movable object that each object moves with; -1 if static, ``(K,)`` int32.
-        worlds: The worlds of the scene.
-    """
-    from warpvis.kernels.casting.worlds import Worlds
-    from warpvis.kernels.visibility.silhouettes import spread_poses
+    def __init__(self, scene: Scene, isolated: Scene) -> None:
+        """Read which objects move together."""
+        self._scene, self._isolated, device = scene, isolated, scene.device
+        self._columns = wp.array(pose_columns(scene), dtype=wp.int32, device=device)
+        is_attached = np.isin(np.arange(len(scene)), list(scene.attached())).astype(np.uint8)
+        self._is_attached = wp.array(is_attached, dtype=wp.uint8, device=device)
 
-    poses = worlds.object_poses
-    posed = poses is not None and poses.shape[1] > 0
-    spread = Worlds()
-    spread.world, spread.excluded = worlds.world, worlds.excluded
-    shape = (poses.shape[0] if posed else 1, len(columns))
-    spread.object_poses = wp.empty(shape, dtype=wp.transform, device=columns.device)
-    inputs = [poses if posed else None, columns, isolated.movable_poses(), spread.object_poses]
-    launch(spread_poses, shape, inputs, columns.device)
-    return spread
+    def spread(self, worlds: Worlds) -> Worlds:
+        """Return worlds of the scene with a pose, and a size if they have sizes, for every object."""
+        from warpvis.kernels.casting.worlds import Worlds
+        from warpvis.kernels.visibility.silhouettes import spread_poses, spread_sizes
+
+        poses, columns = worlds.object_poses, self._columns
+        posed = poses is not None and poses.shape[1] > 0
+        spread = Worlds()
+        spread.world, spread.excluded = worlds.world, worlds.excluded
+        shape = (poses.shape[0] if posed else 1, len(columns))
+        spread.object_poses = wp.empty(shape, dtype=wp.transform, device=columns.device)
+        inputs = [poses if posed else None, columns, self._isolated.movable_poses(), spread.object_poses]
+        launch(spread_poses, shape, inputs, columns.device)
+        if worlds.object_sizes is not None and worlds.object_sizes.size:
+            spread.object_sizes = wp.empty(shape, dtype=wp.vec4, device=columns.device)
+            sizes = [worlds.object_sizes, self._scene.movable_sizes(), self._isolated.movable_sizes()]
+            launch(spread_sizes, shape, [*sizes, columns, self._is_attached, spread.object_sizes], columns.device)
+        return spread
 
 
 def _canvas_rays(camera: LensCamera, canvas: tuple[int, int, int, int], device: wp.Device) -> CanvasRays:

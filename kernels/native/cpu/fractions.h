@@ -48,7 +48,6 @@ struct FractionMemory {
         memory.tiles = row > TILES_AT_A_TIME ? row : (int)TILES_AT_A_TIME;
         const long long samples = (long long)memory.tiles * TILE_PIXELS, rows = (long long)memory.tiles * TILE_SIDE;
         memory.image = Image();
-        memory.image.clip_inv_z = __builtin_inff();
         memory.image.inv_z = arena.floats(samples);
         memory.image.id = arena.ints(samples);
         memory.image.take_blocks(arena, memory.tiles);
@@ -64,6 +63,7 @@ struct FractionMemory {
         Image part = image;
         part.set_size(window.width, rows, first_row, window.height);
         part.set_center(window.center);
+        part.clip_inv_z = window.clip_inv_z;
         part.clear_blocks();
         return part;
     }
@@ -209,7 +209,8 @@ struct Fractions {
         each_member(apart, target, [&](int index) {
             const Pose local = pose.seen_from(Pose::from(isolated.movables.poses_from(index, apart)));
             const float* box = isolated.movables.boxes + (long long)index * BOX_WORDS;
-            const int behind = SampleWindow::add_box(local, job, box, low, high);
+            const Stretch stretch = isolated.movables.stretch_of(index, apart);
+            const int behind = SampleWindow::add_box(local, job, box, stretch, low, high);
             crosses |= behind > 0 && behind < 8;
         });
         const int* canvas = request.canvas;

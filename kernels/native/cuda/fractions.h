@@ -271,7 +271,8 @@ struct Fractions {
             const int index = call.members[i];
             if (isolated.movables.excludes(index)) continue;
             const Pose local = pose.seen_from(Pose::from(isolated.movables.pose(index)));
-            const int behind = SampleWindow::add_box(local, image, isolated.movables.box(index), low, high);
+            const Stretch stretch = isolated.movables.stretch(index);
+            const int behind = SampleWindow::add_box(local, image, isolated.movables.box(index), stretch, low, high);
             crosses |= behind > 0 && behind < 8;
         }
         return crosses ? SampleWindow::all(call.canvas) : SampleWindow::of(low, high, call.canvas, call.min_samples);

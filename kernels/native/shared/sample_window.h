@@ -6,20 +6,22 @@
 #pragma once
 
 #include "shared/pose.h"
+#include "shared/stretch.h"
 
 // The rectangle of a canvas that a target may cover, in samples.
 struct SampleWindow {
     int across;  // samples along the side of a pixel
     int x0, y0, x1, y1;  // relative to the image's first sample, end exclusive
 
-    // Extend a rectangle in pixels by the corners of a box, which a view with a focal length and a center sees from a
-    // pose in the frame of the box; returns how many of them are behind the camera.
+    // Extend a rectangle in pixels by the corners of a stretched box, which a view with a focal length and a center
+    // sees from a pose in the frame of the box; returns how many of them are behind the camera.
     template <class View>
-    static inline int add_box(const Pose& camera, const View& view, const float* box, double* low, double* high) {
+    static inline int add_box(const Pose& camera, const View& view, const float* box, const Stretch& stretch,
+                              double* low, double* high) {
         int behind = 0;
         for (int corner = 0; corner < 8; ++corner) {
             double place[3], seen[3];
-            for (int k = 0; k < 3; ++k) place[k] = box[(corner >> k & 1) * 3 + k];
+            for (int k = 0; k < 3; ++k) place[k] = stretch.factor[k] * box[(corner >> k & 1) * 3 + k];
             camera.transform_into(place, seen);
             behind += seen[2] <= 0.0;
             if (seen[2] <= 0.0) continue;
