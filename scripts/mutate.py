@@ -95,7 +95,7 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("rendering/casters/packets_cpu.py", "remap"),
     ("rendering/casters/ray_bundles_cpu.py", "table_packets prepared_rays panorama threads"),
     ("rendering/casters/points_cuda.py", "cuda_points"),
-    ("rendering/casters/*_cuda.py", "cuda_packets cuda_emulator"),
+    ("rendering/casters/*_cuda.py", "cuda_packets cuda_emulator cuda_emulator_precision"),
     ("rendering/casters/found_objects_cuda.py", "found_objects"),
     ("rendering/casters/base.py", "small_calls prepared_rays threads"),
     ("rendering/_choices.py", "bad_input fill rendering near_plane"),

@@ -3,16 +3,14 @@
 """The CUDA packet caster without a GPU: images of an emulated warp with lanes in several orders.
 
 Every launch runs once for each order of lanes, must write the same bytes in all orders, and aborts on divergence,
-memory
-errors or undefined behavior.
+memory errors or undefined behavior.
 """
 
 import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from corner_walls import wall
-from cuda_emulator import Emulator, Variant, emulated_renderer
+from cuda_emulator import Variant, emulated_renderer
 
 import warpvis as wv
 from warpvis import cameras
@@ -23,6 +21,7 @@ from warpvis.scene.worlds import parse_worlds
 from compare import assert_matches_reference
 from support import (
     attached as attached_scenes,
+    emulated,
     instances as instance_scenes,
     near_plane as near_plane_scenes,
     sizes as sized_scenes,
@@ -30,7 +29,7 @@ from support import (
     table_packets as ray_tables,
     triangle_faces as face_scenes,
 )
-from support.exact_pixels import FAMILIES, wrong_pixels
+from support.emulated import CAMERA, render
 from support.ray_patterns import sphere_of_rays
 from support.worlds import ALL, MESHES, STILL, assert_bits_equal, build, eyes, far_away, random_poses, view_of
 
@@ -48,33 +47,9 @@ FINDS = Variant(16, True, True, found=True)
 LARGE = Variant(32, False, False, large=True)
 TABLES = (Variant(16, False, False, ray_table=True), Variant(32, True, False, ray_table=True))
 TABLES += (Variant(16, True, True, resized=True, ray_table=True),)
-CAMERA = wv.Camera.from_fov(45, 37, hfov=0.994837, near=0.05, far=100.0)
 
-
+emulator = emulated.emulator  # a fixture
 few_share = instance_scenes.shared  # a fixture
-
-
-@pytest.fixture(scope="module")
-def emulator(tmp_path_factory):
-    """Return an emulator with sanitizers and line counts."""
-    return Emulator(tmp_path_factory.mktemp("cuda_emulator"))
-
-
-def render(emulator, scene, poses, *, side=16, camera=CAMERA, outputs=ALL, cull_backfaces=False, **options):
-    """Render with the variant that a GPU would use."""
-    with_id = bool(set(outputs) - {"depth", "points"})
-    variant = Variant(side, with_id, bool(scene.bvh().struct.drawn_count))
-    renderer = emulated_renderer(emulator, variant, scene, camera, outputs=outputs, cull_backfaces=cull_backfaces)
-    return renderer.render(poses, **options)
-
-
-@pytest.mark.parametrize("seeds", [range(10), pytest.param(range(10, 40), marks=pytest.mark.slow)], ids=["few", "more"])
-def test_near_corner_of_a_wall_of_kilometers_is_exact(emulator, seeds):
-    """Compares with all triangles in double precision."""
-    for seed in seeds:
-        case = FAMILIES["far_corners"](np.random.default_rng(seed), 45, 37, 2)
-        depth = render(emulator, case.scene("cpu"), case.poses, camera=case.camera, outputs=("depth",)).depth
-        assert wrong_pixels(case, depth) == [], seed
 
 
 def moved(count=5, seed=1):
@@ -397,113 +372,6 @@ def test_many_small_triangles_in_a_deep_tree(emulator):
         if not movable:  # leaves are prefetched in a tree treated as large
             asked = emulated_renderer(emulator, LARGE, scene, CAMERA, outputs=("depth",)).render(poses)
             assert asked.depth.numpy().tobytes() == views.depth.numpy().tobytes()
-
-
-@pytest.mark.slow
-def test_slivers_and_grazing_planes(emulator):
-    """Small and large triangles for which single precision is insufficient."""
-    rng = np.random.default_rng(5)
-    ends = rng.uniform(-1, 1, (60, 2, 3))
-    corners = np.concatenate([ends, ends[:, 1:] + rng.normal(size=(60, 1, 3)) * 2e-3], axis=1)
-    camera = wv.Camera.from_fov(45, 37, hfov=0.9, near=1e-3, far=1000.0)
-    pose = np.array([wv.look_at((3, 0.2, 0.01 + 1e-4), (0, 0, 0.01)), wv.look_at((3, 0, 0.4), (0, 0, 0))])
-    for movable in (False, True):
-        scene = wv.Scene()
-        scene.add(trimesh.creation.box((600, 600, 0.02)), name="floor")
-        faces = np.arange(180).reshape(-1, 3)
-        scene.add((corners.reshape(-1, 3), faces), name="slivers", pose=(0, 0, 0.5, 0, 0, 0, 1), movable=movable)
-        views = render(emulator, scene, pose.astype(np.float32), camera=camera)
-        assert_matches_reference(views, scene, camera, pose.astype(np.float32))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("movable", [False, True])
-def test_slivers_near_the_camera_need_few_exact_decisions(emulator, movable):
-    """A post of slivers extends behind the camera, where their projections are unbounded."""
-    scene = wv.Scene()
-    post = trimesh.creation.cylinder(radius=0.02, height=2.0, sections=600)
-    for x in (-0.41, 0.41):
-        scene.add(post, name=f"post {x}", pose=(x, 0, 0, 0, 0, 0, 1), movable=movable)
-    camera = wv.Camera.from_fov(64, 64, hfov=1.0, near=0.01, far=10.0)
-    poses = wv.look_at((0, -0.3, 0.6), (0, 0.1, 0.1))[None]
-
-    def exact_decisions():
-        return sum(count for (_, _, text), count in emulator.line_counts().items() if "Key found = key(" in text)
-
-    before = exact_decisions()
-    views = render(emulator, scene, poses, side=32, camera=camera, outputs=("depth",))
-    assert_matches_reference(views, scene, camera, poses)
-    assert np.isfinite(views.depth.numpy()).mean() > 0.02
-    # Out of 4,096 pixels in each of 5 lane orders; a pixel may have several triangles' edges near its center.
-    assert exact_decisions() - before < 5 * 200
-
-
-@pytest.mark.smoke("False")
-@pytest.mark.parametrize("movable", [False, True])
-def test_surfaces_through_the_camera_and_closer_than_near(emulator, movable):
-    """A surface through the camera is not visible; surfaces closer than `near` occlude but have no depth."""
-    wall = (np.array([(0, -3, -3), (0, 3, -3), (0, 3, 3), (0, -3, 3)]), np.array([(0, 1, 2), (0, 2, 3)]))
-    scene, twin = wv.Scene(), wv.Scene()
-    for one in (scene, twin):
-        one.add(trimesh.creation.box((6, 6, 1)), name="floor", pose=(0, 0, -0.5, 0, 0, 0, 1))
-        one.add(trimesh.creation.box((1, 1, 1)), name="box", pose=(2, 0, 0.5, 0, 0, 0, 1), movable=movable)
-    scene.add(wall, name="wall", movable=movable)
-    camera = wv.Camera.from_fov(45, 37, hfov=1.4, near=0.2, far=3.0)
-    places, targets = [(0, 0.1, 0.4), (1.4, 0, 0.5)], [(1, 0.2, 0.3), (2, 0, 0.5)]
-    poses = np.array([wv.look_at(*both) for both in zip(places, targets, strict=True)]).astype(np.float32)
-    views = render(emulator, scene, poses, camera=camera)
-    assert_matches_reference(views, twin, camera, poses)
-    assert np.isneginf(views.depth.numpy()[1]).any() and np.isfinite(views.depth.numpy()[0]).any()
-
-
-@pytest.mark.smoke("0.01-True")
-@pytest.mark.parametrize("movable", [False, True])
-@pytest.mark.parametrize("nearest", [-1.0, 0.01])
-def test_triangles_passing_the_camera_reach_the_packets_edge(emulator, nearest, movable):
-    """From behind or just in front of the camera to far away, hit only by the rays of one row or column."""
-    for axis, sign in ((1, -1), (1, 1), (0, -1), (0, 1)):
-        corners = np.zeros((4, 3))
-        corners[:, axis], corners[:, 1 - axis], corners[:, 2] = 1e-3 * sign, [-2, 2, 2, -2], [nearest, nearest, 4, 4]
-        scene = wv.Scene()
-        scene.add((corners, np.array([(0, 1, 2), (0, 2, 3)])), name="sheet", movable=movable)
-        center = np.array([22.5, 18.5])
-        center[axis] = 32 - 0.6 * sign  # packets of all sizes end there
-        camera = wv.Camera(45, 37, 40.0, 40.0, *center, near=1e-4, far=100.0)
-        pose = np.array([STILL], dtype=np.float32)
-        views = render(emulator, scene, pose, camera=camera)
-        assert_matches_reference(views, scene, camera, pose)
-        last, seen = 32 if sign < 0 else 31, np.isfinite(views.depth.numpy()[0]).any(axis=axis)
-        assert seen[last] and not seen[last + 1 if sign < 0 else last - 1]
-
-
-def test_large_offset_changes_nothing(emulator):
-    """The rounding error of moved camera positions is stored separately: no bit changes."""
-    rows, poses = moved(seed=14), eyes(1)
-    rows[:, :3], poses[:, :3] = np.round(rows[:, :3] * 64) / 64, np.round(poses[:, :3] * 64) / 64
-    scene = build("cpu", rows, movable=True, static=False)
-    outputs, offset = ("depth", "normals", "segmentation"), np.array([8192, -8192, 4096, 0, 0, 0, 0])
-    here = render(emulator, scene, poses, outputs=outputs, object_poses=rows)
-    there = render(emulator, scene, poses + offset, outputs=outputs, object_poses=rows + offset)
-    assert_bits_equal(there, here)
-    assert np.isfinite(here.depth.numpy()).any()
-
-
-WALLS = [(movable, seed, side) for movable in (False, True) for seed in (0, 1, 5) for side in (8, 32)]
-FAST_WALLS = ((False, 0, 32), (True, 1, 8))
-
-
-@pytest.mark.smoke("False-0-32")
-@pytest.mark.parametrize(
-    ("movable", "seed", "side"),
-    [pytest.param(*given, marks=() if given in FAST_WALLS else pytest.mark.slow) for given in WALLS],
-)
-def test_no_ray_passes_through_a_vertex(emulator, movable, seed, side):
-    """Walls with a vertex at every pixel center, up to rounding."""
-    camera, pose, vertices, faces = wall(seed)
-    scene = wv.Scene()
-    scene.add((vertices, faces), movable=movable)
-    depth = render(emulator, scene, pose[None], side=side, camera=camera, outputs=("depth",)).depth.numpy()
-    assert np.isfinite(depth).all()
 
 
 @pytest.mark.slow
