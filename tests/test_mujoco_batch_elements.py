@@ -78,7 +78,7 @@ def worlds_of(name, count=3):
 
 def capsules_of(batch, row, count):
     """Return ends and radii of the shown capsules of tendons in a world of the last call."""
-    tendons, ((place,),) = batch._tendons, batch._free_workplaces._items.values()
+    tendons, ((place,),) = batch._tendons, batch._worlds._free_workplaces._items.values()
     columns = slice(tendons._column, tendons._column + count)
     poses, sizes = place.objects.numpy()[row, columns], place.sizes.numpy()[row, columns]
     hidden = place.hidden.numpy()[row, tendons.first : tendons.first + count] != 0

@@ -4,8 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Unpack, cast, get_args
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Unpack, get_args
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -14,23 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.pinhole import check_size
-from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_choice, check_flag, check_whole
 from warpvis.core.labels import LabelInput
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_elements import SoftElements, Tendons
 from warpvis.mujoco._batch_views import (
-    BatchCamera,
     BatchViews,
     CameraChoice,
-    Workplace,
+    ViewCaster,
     batch_views,
     choose_cameras,
     look_up_objects,
     look_up_pairs,
-    views_by_intrinsics,
 )
+from warpvis.mujoco._batch_worlds import BatchWorlds
 from warpvis.mujoco._body_visibility import (
     BodyMeter,
     BodyVisibility,
@@ -41,14 +39,14 @@ from warpvis.mujoco._body_visibility import (
     members_of_bodies,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
-from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
+from warpvis.mujoco._geom_renderer import CoincidingGeoms
 from warpvis.mujoco._geoms import DEFAULT_MESH_TOLERANCE, check_groups
 from warpvis.mujoco._model_fields import UNKNOWN, element_meanings, shape_bodies
-from warpvis.mujoco._poses import PoseSource, check_computed, read_source, world_count
+from warpvis.mujoco._poses import PoseSource
 from warpvis.mujoco._scene import Movable, class_of_elements, make_scene, select_geoms, shown_by
 from warpvis.mujoco._world_appearances import ModelAppearances
-from warpvis.mujoco._world_models import Resizable, ResizableGeoms, WorldModels, resizable_geoms
-from warpvis.mujoco._worlds import FixedGeoms, Kinematics, check_worlds
+from warpvis.mujoco._world_models import Resizable, ResizableGeoms, resizable_geoms
+from warpvis.mujoco._worlds import Kinematics
 from warpvis.rendering import (
     ColorOptions,
     DepthSensor,
@@ -56,7 +54,6 @@ from warpvis.rendering import (
     Lighting,
     NearPlane,
     Output,
-    Pool,
     Views,
     check_colors,
     check_output_names,
@@ -65,25 +62,6 @@ from warpvis.rendering import (
 )
 from warpvis.scene import Scene
 from warpvis.scene.world_appearances import WorldAppearances
-
-# Largest number of cached choices of cameras and worlds, and of cached intrinsics.
-_MAX_PLACES = 16
-_MAX_RENDERERS = 64
-
-
-class _Prepared(NamedTuple):
-    """The worlds of a call."""
-
-    source: PoseSource
-    indices: NDArray[np.int32]
-    models: WorldModels | None
-    rows: NDArray[np.int32]
-    """Rows of the worlds in `models`."""
-    key: Hashable
-    """The key of the workplace."""
-    place: Workplace
-    groups: dict[PlanarCamera, NDArray[np.int64]]
-    """Views by their intrinsics."""
 
 
 class BatchRenderer:
@@ -195,13 +173,21 @@ class BatchRenderer:
         if colored:
             moved = not isinstance(movable, str) or movable != "bodies"
             self._appearance = ModelAppearances(model, self.mujoco_scene, selection.mesh_tolerance, moved=moved)
-        self._fixed = [FixedGeoms(model, self.mujoco_scene, sites=sites) for sites in (False, True)]
         self._resizable = ResizableGeoms(model, self.mujoco_scene, resized)
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
-        self._renderers: dict[PlanarCamera, GeomRenderer] = {}
+        self._caster = ViewCaster(self.scene, self._coinciding, self._render_options)
         self._meter = BodyMeter(self.scene, self._coinciding, self._render_options)
-        self._free_workplaces = Pool(_MAX_PLACES)
+        self._worlds = BatchWorlds(
+            model,
+            self.mujoco_scene,
+            self.kinematics,
+            nworld=nworld,
+            resizable=self._resizable,
+            tendons=self._tendons,
+            soft=self._soft,
+            appearance=self._appearance,
+        )
 
     @property
     def scene(self) -> Scene:
@@ -271,7 +257,7 @@ class BatchRenderer:
         if self._appearance is not None:
             self._appearance.follow()
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
-        prepared = self._prepare(poses, chosen, worlds, model)
+        prepared = self._worlds.prepare(poses, chosen, worlds, model)
         place, indices, rows = prepared.place, prepared.indices, prepared.rows
         device, count = self.scene.device, len(indices)
         place.looks = None
@@ -280,8 +266,10 @@ class BatchRenderer:
         shape = (len(chosen) * count, self.height, self.width)
         views = batch_views(views_for(self._outputs, shape, device, out), len(chosen), count)
         drawn = self._number(rows, len(chosen), frame, view_index)
-        self._for_each_group(prepared, lambda camera, members: self._cast(camera, place, members, drawn, views))
-        self._free_workplaces.give_back(prepared.key, place)
+        self._worlds.for_each_group(
+            prepared, lambda camera, members: self._caster.cast(camera, place, members, drawn, views)
+        )
+        self._worlds.give_back(prepared)
         return views
 
     def visibility(
@@ -325,15 +313,15 @@ class BatchRenderer:
         ids, of_objects = choose_bodies(self.model, bodies), self._bodies_of_objects()
         parts = members_of_bodies(self.model, ids, of_objects, subtree=check_flag(subtree, "subtree"))
         members = wp.array(parts, dtype=wp.uint8, device=self.scene.device)
-        prepared = self._prepare(poses, chosen, worlds, model)
+        prepared = self._worlds.prepare(poses, chosen, worlds, model)
         count = len(prepared.indices)
         found = self._meter.allocate((len(chosen) * count, len(ids)), shaped=shaped)
 
         def measure(camera: PlanarCamera, views: NDArray[np.int64]) -> None:
             self._meter.measure(camera, sides, prepared.place, views, members, found)
 
-        self._for_each_group(prepared, measure)
-        self._free_workplaces.give_back(prepared.key, prepared.place)
+        self._worlds.for_each_group(prepared, measure)
+        self._worlds.give_back(prepared)
         names = tuple(self.model.body(body).name for body in ids)
         return BodyVisibility(tuple(ids), names, **by_world(found, len(chosen), count))
 
@@ -341,45 +329,6 @@ class BatchRenderer:
         """List the body of every object of the scene; -1 for those without a body."""
         numbers, bodies = self._numbers_of_objects(), np.append(shape_bodies(self.model), -1)
         return bodies[np.where(numbers < len(bodies) - 1, numbers, -1)].astype(np.int32)
-
-    def _prepare(
-        self,
-        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
-        chosen: list[BatchCamera],
-        worlds: ArrayLike | None,
-        model: object | None,
-    ) -> _Prepared:
-        """Read the poses of a call, and write those of objects and cameras into a workplace."""
-        kinds = ["geom"] + ["site"] * bool(len(self.mujoco_scene.movable_sites))
-        kinds += ["cam"] * any(camera.camera_id >= 0 for camera in chosen)
-        source, indices, models, rows = self._read_worlds(poses, worlds, model, kinds)
-        for fixed in self._fixed:
-            fixed.check(source, indices)
-        device = self.scene.device
-        # Work on another stream may still use the memory.
-        stream = None if device.is_cpu else device.stream.cuda_stream
-        key = (tuple(chosen), indices.tobytes(), len(self.scene.movable), stream)
-        place = self._free_workplaces.take(key) or Workplace.of(self.mujoco_scene, chosen, indices)
-        if models is None and self._appearance is not None and self._appearance.colors_changed:
-            models = WorldModels(self.model, {}, int(rows.max()) + 1)
-        fovy = self._place(place, source, models, rows)
-        groups = views_by_intrinsics(self.model, chosen, fovy, rows)
-        return _Prepared(source, indices, models, rows, key, place, groups)
-
-    def _for_each_group(self, prepared: _Prepared, work: Callable[[PlanarCamera, NDArray[np.int64]], None]) -> None:
-        """Do some work for the views of each camera; world by world if skins or flexes have other vertices in each."""
-        if not len(self._soft):
-            for camera, views in prepared.groups.items():
-                work(camera, views)
-            return
-        count = len(prepared.indices)
-        with self._soft.reading(prepared.source) as soft:
-            for row, world in enumerate(prepared.indices.tolist()):
-                soft.show(world)
-                for camera, members in prepared.groups.items():
-                    views = members[members % count == row]
-                    if len(views):
-                        work(camera, views)
 
     def _number(
         self,
@@ -399,20 +348,6 @@ class BatchRenderer:
         if frame is None:
             self.frame += 1
         return numbers
-
-    def _place(
-        self, place: Workplace, poses: PoseSource, models: WorldModels | None, rows: NDArray[np.int32]
-    ) -> NDArray[np.float64] | None:
-        """Write poses of objects and cameras, and visibility; return the fields of view if they are given."""
-        place.write_poses(poses, self.mujoco_scene, self.model)
-        place.hidden = place.sizes = None
-        if models is not None:
-            place.sizes = self._resizable.sizes(models, rows)
-            changed = self._appearance is not None and self._appearance.colors_changed
-            place.hidden = models.hidden_objects(self.mujoco_scene, rows, place.eyes.size, changed=changed)
-        if len(self._tendons):
-            self._tendons.place(poses, place)
-        return None if models is None else models.fovy()
 
     def element_ids(self, views: Views, *, out: wp.array | None = None) -> wp.array:
         """Return the id and type of the element of every pixel, as `mujoco.Renderer` does in segmentation.
@@ -474,75 +409,3 @@ class BatchRenderer:
     def camera(self, camera: CameraChoice) -> PlanarCamera:
         """Return intrinsics of a camera in this renderer's image size."""
         return camera_from_mujoco(self.model, camera, self.width, self.height)
-
-    def _cast(
-        self,
-        camera: PlanarCamera,
-        place: Workplace,
-        views: NDArray[np.int64],
-        drawn: NDArray[np.int64] | None,
-        out: Views,
-    ) -> None:
-        """Render views through cameras with equal intrinsics."""
-        if camera not in self._renderers:
-            while len(self._renderers) >= _MAX_RENDERERS:
-                self._renderers.pop(next(iter(self._renderers)), None)
-            self._renderers[camera] = GeomRenderer(self.scene, camera, self._coinciding, **self._render_options)
-        renderer, eyes = self._renderers[camera], place.eyes.flatten()
-        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
-        scattered = len(views) <= views[-1] - views[0]
-        if scattered:
-            rows = wp.array(views, dtype=wp.int32, device=self.scene.device)
-
-        def select(array: wp.array) -> wp.array:
-            return array[rows].contiguous() if scattered else array[rows]
-
-        options: dict[str, Any] = {}
-        if drawn is not None:
-            options["view_index"], options["frame"] = drawn[views].T
-        if place.looks is not None:
-            options |= {"looks": place.looks, "world_index": select(place.world_of_view)}
-        if place.objects.size:
-            options |= {"object_poses": place.objects, "world_index": select(place.world_of_view)}
-            options["object_sizes"] = place.sizes
-        if place.hidden is not None:
-            options["exclude"] = select(place.hidden)
-        images = {name: getattr(out, name) for name in self._outputs}
-        if not scattered:
-            part = Views(**{name: image[rows] for name, image in images.items()})
-            renderer.render_sizes(select(eyes), **options, out=part)
-            return
-        part = renderer.render_sizes(select(eyes), **options)
-        for name, image in images.items():
-            wp.copy(image[rows], getattr(part, name))
-
-    def _read_worlds(
-        self,
-        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
-        worlds: ArrayLike | None,
-        model: object | None,
-        kinds: Iterable[str],
-    ) -> tuple[PoseSource, NDArray[np.int32], WorldModels | None, NDArray[np.int32]]:
-        """Return a source of poses, the worlds to render in it, differences between models, and the rows of these."""
-        source = read_source(poses)
-        if source is not None:
-            count = world_count(source)
-            chosen = self._chosen_worlds(worlds, count)
-            check_computed(source, kinds, chosen)
-            return source, chosen, None if model is None else WorldModels(self.model, model, count), chosen
-        joints = np.atleast_2d(as_numpy(cast("ArrayInput", poses), name="poses"))
-        chosen = self._chosen_worlds(worlds, len(joints))
-        models = None if model is None else WorldModels(self.model, model, len(joints))
-        changes = {} if models is None else models.poses()
-        changes = {name: rows if len(rows) == 1 else rows[chosen] for name, rows in changes.items()}
-        source = self.kinematics.from_qpos(joints if worlds is None else joints[chosen], model=changes or None)
-        return source, np.arange(len(chosen), dtype=np.int32), models, chosen
-
-    def _chosen_worlds(self, worlds: ArrayLike | None, count: int) -> NDArray[np.int32]:
-        """Check `worlds` and return the indices of the worlds to render, out of `count`."""
-        if self.nworld not in (None, count):
-            raise ArrayError(f"poses must be of nworld worlds, {self.nworld}, got {count}")
-        return check_worlds(worlds, count)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_renderers": {}}

@@ -4,9 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -19,6 +19,7 @@ from warpvis.core.checks import as_items
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError, CameraError
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_with_fovy, viewer_camera, viewer_pose
+from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
 from warpvis.mujoco._poses import (
     PoseSource,
     camera_transforms,
@@ -29,7 +30,11 @@ from warpvis.mujoco._poses import (
 )
 from warpvis.mujoco._scene import MujocoScene
 from warpvis.rendering import Views
+from warpvis.scene import Scene
 from warpvis.scene.world_appearances import DeviceAppearances
+
+_MAX_RENDERERS = 64
+"""Largest number of cached renderers."""
 
 
 @dataclass
@@ -218,3 +223,55 @@ class Workplace:
         if any(camera.camera_id < 0 for camera in self.chosen):
             tracking = any(camera.body != NOBODY for camera in self.chosen)
             viewer_transforms(poses, model, self.cameras, worlds, tracking=tracking, out=eyes)
+
+
+class ViewCaster:
+    """Renders views of a workplace; renderers are cached by the intrinsics of their camera."""
+
+    def __init__(self, scene: Scene, coinciding: CoincidingGeoms, options: Mapping[str, Any]) -> None:
+        self._scene, self._coinciding, self._options = scene, coinciding, options
+        self._renderers: dict[PlanarCamera, GeomRenderer] = {}
+
+    def cast(
+        self,
+        camera: PlanarCamera,
+        place: Workplace,
+        views: NDArray[np.int64],
+        drawn: NDArray[np.int64] | None,
+        out: Views,
+    ) -> None:
+        """Render views through cameras with equal intrinsics."""
+        if camera not in self._renderers:
+            while len(self._renderers) >= _MAX_RENDERERS:
+                self._renderers.pop(next(iter(self._renderers)), None)
+            self._renderers[camera] = GeomRenderer(self._scene, camera, self._coinciding, **self._options)
+        renderer, eyes = self._renderers[camera], place.eyes.flatten()
+        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
+        scattered = len(views) <= views[-1] - views[0]
+        if scattered:
+            rows = wp.array(views, dtype=wp.int32, device=self._scene.device)
+
+        def select(array: wp.array) -> wp.array:
+            return array[rows].contiguous() if scattered else array[rows]
+
+        options: dict[str, Any] = {}
+        if drawn is not None:
+            options["view_index"], options["frame"] = drawn[views].T
+        if place.looks is not None:
+            options |= {"looks": place.looks, "world_index": select(place.world_of_view)}
+        if place.objects.size:
+            options |= {"object_poses": place.objects, "world_index": select(place.world_of_view)}
+            options["object_sizes"] = place.sizes
+        if place.hidden is not None:
+            options["exclude"] = select(place.hidden)
+        images = {name: getattr(out, name) for name in self._options["outputs"]}
+        if not scattered:
+            part = Views(**{name: image[rows] for name, image in images.items()})
+            renderer.render_sizes(select(eyes), **options, out=part)
+            return
+        part = renderer.render_sizes(select(eyes), **options)
+        for name, image in images.items():
+            wp.copy(image[rows], getattr(part, name))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_renderers": {}}
