@@ -11,11 +11,11 @@
 
 from __future__ import annotations
 
-from warpvis.mujoco._appearances import lights_from_mujoco
 from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._batch_views import BatchViews
 from warpvis.mujoco._body_visibility import BodyVisibility
 from warpvis.mujoco._cameras import camera_from_mujoco
+from warpvis.mujoco._lights import lights_from_mujoco
 from warpvis.mujoco._model_files import read_model
 from warpvis.mujoco._poses import WorldPoses, camera_poses, geom_poses
 from warpvis.mujoco._rangefinders import Rangefinders

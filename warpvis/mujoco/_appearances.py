@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Appearances of the geoms and sites of a MuJoCo model, with normals for shading; its lights and its sky."""
+"""Appearances of the geoms and sites of a MuJoCo model, with normals for shading."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache, partial
 from types import SimpleNamespace
@@ -14,14 +13,11 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.arrays import FARTHEST
-from warpvis.errors import SceneError
-from warpvis.mujoco._model_fields import DEFAULT_COLOR, MATERIAL_FIELDS, check_light_numbers, shape_data, shape_value
+from warpvis.mujoco._model_fields import DEFAULT_COLOR, MATERIAL_FIELDS, shape_data, shape_value
 from warpvis.mujoco._tessellation import Mesh
 from warpvis.mujoco._texture_coordinates import box_cube_uv, plain_uv, stored_uv
 from warpvis.mujoco._vertex_grids import grid_of
 from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.lights import Background, Haze, Light, LightKind
 from warpvis.scene.materials import Appearance, Material, Texture, linear_color
 from warpvis.scene.solids import Solid
 from warpvis.scene.vertex_grids import VertexGrid
@@ -43,27 +39,8 @@ _MESHES = (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF)
 # Shapes with smooth normals that differ from those of their triangles.
 _SMOOTH = (*_MESHES, _GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_ELLIPSOID, _GEOM.mjGEOM_CAPSULE, _GEOM.mjGEOM_CYLINDER)
 
-
-_SPOT, _DIRECTIONAL = int(mujoco.mjtLightType.mjLIGHT_SPOT), int(mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
-_KINDS: dict[int, LightKind] = {
-    _SPOT: "spot",
-    _DIRECTIONAL: "directional",
-    int(mujoco.mjtLightType.mjLIGHT_POINT): "point",
-}
-
-_SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-
-_WORLD_TO_CUBE = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
-"""Rotation of the sky's cube map (`settexture` in render_gl3.c)."""
-
-_SKY_DISTANCE = 0.7
-"""Distance of the sky from the camera, as a fraction of that of the far clipping plane (`mjr_render`)."""
-
 _OPAQUE = 0.995
 """Minimum opacity of geoms that are not blended (`mjr_render`)."""
-
-_AMBIENT = (0.3, 0.3, 0.3)
-"""Ambient light of a scene without other lights (`initLights` in render_gl3.c)."""
 
 
 class Style(NamedTuple):
@@ -184,14 +161,14 @@ class GeomAppearances:
         values = self._materials
         return Material(
             self._model.material(material).name,
-            _unit(color),
+            unit_color(color),
             texture=texture,
             **blending(color[3]),
             metallic=_known_or(values, "mat_metallic", material, 0.0),
             roughness=_known_or(values, "mat_roughness", material, 1.0),
             specular=(float(np.clip(values.mat_specular[material], 0, 1)),) * 3,
             shininess=SHININESS * max(0.0, float(values.mat_shininess[material])),
-            emission=tuple(max(0.0, float(values.mat_emission[material])) * part for part in _unit(color)[:3]),  # type: ignore[arg-type]
+            emission=tuple(max(0.0, float(values.mat_emission[material])) * part for part in unit_color(color)[:3]),  # type: ignore[arg-type]
             **mapping,
         )
 
@@ -236,10 +213,10 @@ def _of_one_color(rgba: Color, normals: Normals | None, grid: VertexGrid | None)
 def _material_of_one_color(rgba: Color) -> Material:
     """Return the material of a geom without one, with MuJoCo's highlight (`mjv_initGeom`)."""
     shine = {"specular": (0.5, 0.5, 0.5), "shininess": 0.5 * SHININESS}
-    return Material(base_color=_unit(rgba), **blending(rgba[3]), **shine)  # type: ignore[arg-type]
+    return Material(base_color=unit_color(rgba), **blending(rgba[3]), **shine)  # type: ignore[arg-type]
 
 
-def _unit(color: Color) -> Color:
+def unit_color(color: Color) -> Color:
     """Clip a color to 0 to 1, as OpenGL does."""
     return tuple(np.clip(color, 0.0, 1.0).tolist())
 
@@ -272,7 +249,7 @@ def texture_of(model: mujoco.MjModel, number: int) -> Texture:
     Images in the sRGB color space are decoded unless they are cube maps, and the picture is not encoded again
     (`makeTexture` in render_context.c: GL_SRGB8_EXT, without GL_FRAMEBUFFER_SRGB).
     """
-    image = _image(model, number)
+    image = texture_image(model, number)
     if int(model.tex_colorspace[number]) == _SRGB and int(model.tex_type[number]) < _CUBE:
         decoded = np.rint(255 * np.array(linear_color(np.arange(256) / 255))).astype(np.uint8)
         image = np.concatenate([decoded[image[:, :, :3]], image[:, :, 3:]], axis=2)
@@ -290,7 +267,7 @@ def _shows_texture(model: mujoco.MjModel, number: int, laid: _Laid) -> bool:
     return not (is_cube and laid.kind in _MESHES and _stored_coordinates(model, laid.data) is not None)
 
 
-def _image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
+def texture_image(model: mujoco.MjModel, number: int) -> NDArray[np.uint8]:
     """Return a texture's image in color, shape ``(height, width, 3 or 4)``: of a cube map, all six."""
     height, width = int(model.tex_height[number]), int(model.tex_width[number])
     channels, first = int(model.tex_nchannel[number]), int(model.tex_adr[number])
@@ -362,139 +339,3 @@ def _round_normals(kind: int, size: NDArray[np.float64], corners: NDArray[np.flo
         aside[is_end] = np.sign(corners[is_end][..., 2:]) * [0, 0, 1]
         return aside.astype(np.float32)
     return corners.astype(np.float32)
-
-
-class LightPlaces(NamedTuple):
-    """Positions and directions of a model's lights in the world."""
-
-    light_xpos: NDArray[np.float64]
-    light_xdir: NDArray[np.float64]
-
-
-def model_lights(
-    model: mujoco.MjModel, places: LightPlaces | None = None, *, inactive: bool = False
-) -> tuple[Light, ...]:
-    """Return a model's active lights at their places, by default at its initial state; the headlight comes first.
-
-    Image lights are omitted. MuJoCo's renderer does not draw point lights, either. With `inactive`, inactive lights and
-    image lights are among them, with an intensity of 0.
-    """
-    numbers = [number for number in light_ids(model, inactive=inactive) if number >= 0]
-    check_light_numbers(model, numbers)
-    found = [_headlight(model)] if model.vis.headlight.active else []
-    if numbers:
-        places = _initial_places(model) if places is None else places
-        found += [_light(model, places, number) for number in numbers]
-    is_lit = any(light.kind != "point" and light.intensity for light in found)
-    if not is_lit or (inactive and not model.vis.headlight.active):
-        found.append(Light("ambient", color=(0.0, 0.0, 0.0), ambient=_AMBIENT, intensity=0.0 if is_lit else 1.0))
-    return tuple(found)
-
-
-def light_ids(model: mujoco.MjModel, *, inactive: bool = False) -> list[int]:
-    """Return the ids of the lights of `model_lights`, which are preceded by -1 if there is a headlight."""
-    numbers = [
-        number
-        for number in range(model.nlight)
-        if inactive or (int(model.light_type[number]) in _KINDS and model.light_active[number])
-    ]
-    return [-1] * bool(model.vis.headlight.active) + numbers
-
-
-def lights_from_mujoco(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Light, ...]:
-    """Return the lights of a model where they are now, for `Scene.lights`: lights may move with bodies.
-
-    Args:
-        model: A `mujoco.MjModel`.
-        data: Its data after `mj_forward` or `mj_camlight`.
-
-    Returns:
-        The headlight, if it is active, and the active lights; ambient light if there are none.
-
-    Raises:
-        SceneError: If an argument has another type, or a number of a light is not finite.
-    """
-    if not isinstance(model, mujoco.MjModel) or not isinstance(data, mujoco.MjData):
-        raise SceneError(
-            f"model and data must be a mujoco.MjModel and its MjData, got {type(model).__name__} and "
-            f"{type(data).__name__}"
-        )
-    if len(data.light_xpos) != model.nlight:
-        raise SceneError(f"data must be of the model, which has {model.nlight} lights, got {len(data.light_xpos)}")
-    if not np.isfinite(data.light_xpos).all() or not np.isfinite(data.light_xdir).all():
-        raise SceneError("light_xpos and light_xdir of data must be finite")
-    return model_lights(model, LightPlaces(data.light_xpos, data.light_xdir))
-
-
-def _initial_places(model: mujoco.MjModel) -> LightPlaces:
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    return LightPlaces(data.light_xpos, data.light_xdir)
-
-
-def model_background(model: mujoco.MjModel) -> Background:
-    """Return a model's sky, the first if it has several; black if it has none."""
-    number = next((index for index in range(model.ntex) if int(model.tex_type[index]) == _SKYBOX), None)
-    if number is None:
-        return Background()
-    width = int(model.tex_width[number])
-    images = _image(model, number).reshape(6, width, width, -1)
-    sky = tuple(Texture(image, model.texture(number).name) for image in images)
-    return Background(sky=sky, world_to_cube=_WORLD_TO_CUBE, haze=_haze(model))
-
-
-def _haze(model: mujoco.MjModel) -> Haze | None:
-    """Return the haze at the first infinite plane that MuJoCo draws by default; None without one (`mjr_render`)."""
-    infinite = (model.geom_type == _GEOM.mjGEOM_PLANE) & ~model.geom_size[:, :2].any(axis=1)
-    planes = np.flatnonzero(infinite & (model.geom_group < 3))
-    radius = _SKY_DISTANCE * model.vis.map.zfar * model.stat.extent
-    width = float(model.vis.map.haze)
-    if not len(planes) or not 0 < radius < FARTHEST or not 0 <= width <= 1:
-        return None
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    normal = data.geom_xmat[planes[0]].reshape(3, 3)[:, 2]
-    position = np.clip(data.geom_xpos[planes[0]], -FARTHEST, FARTHEST)
-    color = _unit((*model.vis.rgba.haze[:3].tolist(), 1.0))[:3]
-    return Haze(color, radius=radius, width=width, position=tuple(position.tolist()), normal=tuple(normal.tolist()))
-
-
-def _headlight(model: mujoco.MjModel) -> Light:
-    headlight = model.vis.headlight
-    return Light(
-        "headlight",
-        "headlight",
-        color=_color(headlight.diffuse),
-        ambient=_color(headlight.ambient),
-        specular=_color(headlight.specular),
-        cast_shadow=False,
-    )
-
-
-def _light(model: mujoco.MjModel, data: LightPlaces, number: int) -> Light:
-    """Return one light; only spotlights have an attenuation and a cone (`initLights` in render_gl3.c)."""
-    known = _KINDS.get(int(model.light_type[number]))
-    kind, spot = known or "point", known == "spot"
-    attenuation = np.maximum(model.light_attenuation[number], 0)
-    direction = data.light_xdir[number]
-    return Light(
-        kind,
-        model.light(number).name,
-        tuple(np.clip(data.light_xpos[number], -FARTHEST, FARTHEST).tolist()),
-        tuple(direction.tolist()) if np.any(direction) else (0.0, 0.0, -1.0),
-        color=_color(model.light_diffuse[number]),
-        ambient=_color(model.light_ambient[number]),
-        specular=_color(model.light_specular[number]),
-        attenuation=tuple(attenuation.tolist()) if spot and attenuation.any() else (1.0, 0.0, 0.0),
-        outer_angle=min(max(math.radians(float(model.light_cutoff[number])), 0.0), math.pi) if spot else math.pi,
-        exponent=max(0.0, float(model.light_exponent[number])) if spot else 0.0,
-        intensity=float(known is not None and bool(model.light_active[number])),
-        cast_shadow=bool(model.light_castshadow[number]),
-        shadow_plane=kind == "directional",
-    )
-
-
-def _color(values: NDArray[np.floating]) -> tuple[float, float, float]:
-    return tuple(np.maximum(values, 0).tolist())

@@ -26,7 +26,8 @@ from warpvis.mujoco._batch_views import Workplace
 from warpvis.mujoco._model_fields import FLEX, SKIN, TENDON, drawn_number, free_name
 from warpvis.mujoco._poses import SKIN_FIELDS, TENDON_FIELDS, PoseSource, read_frames, soft_fields, world_count
 from warpvis.mujoco._scene import Selection
-from warpvis.mujoco._visuals import Paint, VisualKey, VisualObjects, Visuals
+from warpvis.mujoco._visual_objects import VisualObjects
+from warpvis.mujoco._visuals import Paint, VisualKey, Visuals
 from warpvis.scene import Scene
 from warpvis.scene.solids import capsule
 

@@ -17,8 +17,8 @@ from warpvis.core.checks import as_items, as_path, check_flag, describe_exceptio
 from warpvis.core.file_content import is_file, require_content
 from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
-from warpvis.mujoco._appearances import model_background, model_lights
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
+from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._model_fields import object_names
 from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part

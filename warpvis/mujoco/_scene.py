@@ -19,7 +19,6 @@ from warpvis.core.checks import as_items, check_choice, check_flag, check_mappin
 from warpvis.core.labels import LabelInput, LabelNames, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
-from warpvis.mujoco._appearances import model_background, model_lights
 from warpvis.mujoco._geoms import (
     DEFAULT_GROUPS,
     FIXED,
@@ -32,6 +31,7 @@ from warpvis.mujoco._geoms import (
     rigid_pieces,
     shown_geoms,
 )
+from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._model_fields import check_shape_numbers, drawn_number, object_names, shape_bodies
 from warpvis.scene import Scene
 from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE

@@ -32,7 +32,8 @@ from warpvis.mujoco._model_fields import (
 from warpvis.mujoco._scene import Selection
 from warpvis.mujoco._stage_colors import StageColors
 from warpvis.mujoco._tessellation import Blocks
-from warpvis.mujoco._visuals import Paint, VisualKey, VisualObjects, names_of_parents, put_objects
+from warpvis.mujoco._visual_objects import VisualObjects, names_of_parents, put_objects
+from warpvis.mujoco._visuals import Paint, VisualKey
 from warpvis.rendering import Output
 from warpvis.scene import Part, Scene, SceneObject, take_snapshot
 from warpvis.scene.appearances import LazyAppearance

@@ -12,8 +12,9 @@ import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.mujoco._appearances import GeomAppearances, LightPlaces, Style, model_background, model_lights
+from warpvis.mujoco._appearances import GeomAppearances, Style
 from warpvis.mujoco._geoms import geom_shape, movable_bodies
+from warpvis.mujoco._lights import LightPlaces, model_background, model_lights
 from warpvis.mujoco._model_fields import (
     DEFAULT_COLOR,
     HEADLIGHT_FIELDS,

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
-from warpvis.mujoco._appearances import GeomAppearances, light_ids, model_lights, texture_numbers
+from warpvis.mujoco._appearances import GeomAppearances, texture_numbers
 from warpvis.mujoco._geoms import geom_shape, movable_bodies
+from warpvis.mujoco._lights import light_ids, model_lights
 from warpvis.mujoco._model_fields import AppearanceWatch
 from warpvis.mujoco._poses import PoseSource
 from warpvis.mujoco._scene import MujocoScene
