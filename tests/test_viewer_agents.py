@@ -12,7 +12,7 @@ import warpvis as wv
 from warpvis.scenes.shapes import floor
 from warpvis.viewer import Viewer, ViewerState
 from warpvis.viewer._panel import propose
-from warpvis.viewer._pictures import legend_html, state_text
+from warpvis.viewer._tables import legend_html, state_text
 from warpvis.visibility import Agent, State, perspective
 from warpvis.viz import STATE_COLORS, agent_colors, save_perspective
 

@@ -19,7 +19,8 @@ from warpvis.core.poses import check_up
 from warpvis.errors import WarpvisError
 from warpvis.maps import floor_map
 from warpvis.planning import propose_view
-from warpvis.viewer._pictures import kinect_noise, legend_html, status_html, table_html, with_view
+from warpvis.viewer._pictures import kinect_noise, with_view
+from warpvis.viewer._tables import legend_html, status_html, table_html
 from warpvis.visibility import Agent, choose_likeliest
 
 if TYPE_CHECKING:

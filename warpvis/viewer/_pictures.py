@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from html import escape
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import format_percent
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import look_at, poses_to_matrices
 from warpvis.planning import surface_samples
@@ -25,7 +23,7 @@ from warpvis.scene import Scene
 from warpvis.sensors import kinect_v1
 from warpvis.viewer._stage import Stage
 from warpvis.visibility import Agent, FieldOfView, Perspective, State, equirectangular, point_visibility
-from warpvis.viz import STATE_COLORS, agent_colors, depth_colors
+from warpvis.viz import depth_colors
 
 PictureKind = Literal["depth", "objects", "color", "both"]
 """Depth, whether agents see each object, color, or color next to depth."""
@@ -46,10 +44,6 @@ _SPARSER = 1.4
 
 _PIXEL = Camera(1, 1, 1000.0, 1000.0, 0.5, 0.5)
 """A camera with one pixel, whose ray is the camera's axis."""
-
-_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
-_MAX_HEIGHT = "17em"
-_CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,93 +337,3 @@ class SightLines:
             return center
         frame = poses_to_matrices(object_poses[column][None])[0]
         return frame[:3, :3] @ center + frame[:3, 3]
-
-
-@dataclass(frozen=True)
-class Row:
-    """A row of the table: an object and its visibility to each agent."""
-
-    name: str
-    label: str
-    """Name of the object's label."""
-    cells: tuple[str, ...]
-    """For each agent, the visible percentage, or the reason why the agent does not see the object."""
-    fractions: tuple[float, ...]
-    """For each agent, the visible fraction of the silhouette, 0 to 1."""
-    state: State
-    """Whether the first agent and any other see the object."""
-
-
-def table_rows(seen: Perspective) -> tuple[Row, ...]:
-    """Return the table of the first situation."""
-    first, *others = seen.agents
-    states = seen.states(first, others)[0]
-    rows = []
-    for k, name in enumerate(seen.objects):
-        cells = tuple(seen.cell(agent, 0, k, format_percent) for agent in range(len(seen.agents)))
-        fractions = tuple(float(value) for value in seen.fraction[:, 0, k])
-        label = seen.label_names.name(seen.labels[k])
-        rows.append(Row(name, label, cells, fractions, State(int(states[k]))))
-    return tuple(rows)
-
-
-def table_html(rows: Sequence[Row], agents: Sequence[str]) -> str:
-    """Return the table: a row per object, with a dot in the color of its `State`, and a column per agent.
-
-    The head of a column is underlined in the color of the agent.
-    """
-    lines = ["transparent", *("rgb({},{},{})".format(*color) for color in agent_colors(len(agents)))]
-    head = "".join(
-        f'<th style="text-align:left;padding-right:0.5em"><span style="border-bottom:3px solid {line}">{escape(word)}'
-        "</span></th>"
-        for word, line in zip(["object", *agents], lines, strict=True)
-    )
-    body = "".join(_row(row, agents) for row in rows)
-    return (
-        f'<div style="{_STYLE};max-height:{_MAX_HEIGHT};overflow:auto">'
-        f'<table class="warpvis-table" style="border-collapse:collapse;width:100%">'
-        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
-    )
-
-
-def legend_html(agents: Sequence[str]) -> str:
-    """Return the legend of the colors."""
-    states = (State.BOTH, State.FIRST, State.SECOND, State.NEITHER) if len(agents) > 1 else (State.FIRST, State.NEITHER)
-    entries = "".join(
-        f'<span style="white-space:nowrap;margin-right:0.9em">{_dot(state)}{escape(state_text(state, agents))}</span>'
-        for state in states
-    )
-    return f'<div style="{_STYLE}">{entries}</div>'
-
-
-def state_text(state: State, agents: Sequence[str]) -> str:
-    """Return the text of a `State`."""
-    if len(agents) < 2:
-        return f"{agents[0]} sees it" if state == State.FIRST else "not seen"
-    first, others = agents[0], agents[1] if len(agents) == 2 else "others"
-    both, neither = ("both see it", "neither") if len(agents) == 2 else (f"{first} and others", "nobody")
-    return (neither, f"{first} only", f"{others} only", both)[state]
-
-
-def status_html(seconds: float, updates: float) -> str:
-    """Return the duration of the last update and the update rate."""
-    rate = f", {updates:.0f} updates/s" if updates else ""
-    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{1e3 * seconds:.0f} ms{rate}</div>'
-
-
-def _row(row: Row, agents: Sequence[str]) -> str:
-    title = escape(f"{row.label}; {state_text(row.state, agents)}")
-    cells = "".join(
-        f'<td style="{_CELL}{";white-space:nowrap" if cell.endswith("%") else ""}">{escape(cell)}</td>'
-        for cell in row.cells
-    )
-    name = f'<td style="{_CELL};white-space:nowrap" title="{title}">{_dot(row.state)}{escape(row.name)}</td>'
-    return f"<tr>{name}{cells}</tr>"
-
-
-def _dot(state: State) -> str:
-    red, green, blue = STATE_COLORS[state]
-    return (
-        f'<span style="display:inline-block;width:0.75em;height:0.75em;border-radius:50%;margin-right:0.4em;'
-        f'background:rgb({red},{green},{blue})"></span>'
-    )

@@ -12,6 +12,7 @@ import numpy as np
 
 from warpvis.core.checks import format_fraction
 from warpvis.core.labels import Visibility
+from warpvis.viewer._page_parts import CELL, STYLE, color_dot
 from warpvis.visibility import LineOfSight
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ SIGHT_COLORS: dict[Visibility, tuple[int, int, int]] = {
 }
 _POINT_COLOR = (240, 228, 66)
 _MARK_RADIUS, _THICKNESS, _HANDLE = 0.03, 0.016, 0.25
-_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
-_CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 # Smallest probability in the table of what is meant.
 _MIN_PROBABILITY = 0.005
@@ -105,12 +104,12 @@ def answers_html(title: str, lines: Sequence[LineOfSight], reasons: Mapping[str,
         f"<div>{dot(states.get(name, Visibility.OUT_OF_VIEW))}<b>{escape(name)}</b>: {escape(reason)}</div>"
         for name, reason in reasons.items()
     )
-    return f'<div style="{_STYLE}" class="warpvis-answers"><div>{escape(title)}</div>{rows}</div>'
+    return f'<div style="{STYLE}" class="warpvis-answers"><div>{escape(title)}</div>{rows}</div>'
 
 
 def hint_html(text: str) -> str:
     """Return a hint in the place of answers."""
-    return f'<div style="{_STYLE};opacity:0.7" class="warpvis-answers">{escape(text)}</div>'
+    return f'<div style="{STYLE};opacity:0.7" class="warpvis-answers">{escape(text)}</div>'
 
 
 def meant_html(meant: Mapping[str, Mapping[str, float]]) -> str:
@@ -122,11 +121,11 @@ def meant_html(meant: Mapping[str, Mapping[str, float]]) -> str:
         return ""
     head = "".join(f'<th style="text-align:left">{escape(word)}</th>' for word in ["meant object", *people])
     rows = "".join(
-        f'<tr><td style="{_CELL}">{escape(name)}</td>{"".join(_bar(meant[person].get(name)) for person in people)}</tr>'
+        f'<tr><td style="{CELL}">{escape(name)}</td>{"".join(_bar(meant[person].get(name)) for person in people)}</tr>'
         for name in names
     )
     return (
-        f'<div style="{_STYLE};max-height:10em;overflow:auto"><table class="warpvis-meant" '
+        f'<div style="{STYLE};max-height:10em;overflow:auto"><table class="warpvis-meant" '
         f'style="border-collapse:collapse;width:100%"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
     )
 
@@ -134,16 +133,12 @@ def meant_html(meant: Mapping[str, Mapping[str, float]]) -> str:
 def _bar(probability: float | None) -> str:
     """Return a cell with a probability and a bar of its length."""
     if probability is None:
-        return f'<td style="{_CELL}"></td>'
+        return f'<td style="{CELL}"></td>'
     share = f"rgba(0,114,178,0.25) {100 * probability:.0f}%"
-    style = f"{_CELL};background:linear-gradient(to right,{share},transparent 0)"
+    style = f"{CELL};background:linear-gradient(to right,{share},transparent 0)"
     return f'<td style="{style}">{format_fraction(probability)}</td>'
 
 
 def dot(status: Visibility) -> str:
     """Return a dot in the color of a status."""
-    red, green, blue = SIGHT_COLORS[status]
-    return (
-        f'<span style="display:inline-block;width:0.75em;height:0.75em;border-radius:50%;margin-right:0.4em;'
-        f'background:rgb({red},{green},{blue})"></span>'
-    )
+    return color_dot(SIGHT_COLORS[status])

@@ -35,14 +35,13 @@ from warpvis.viewer._picking import Picked, Picker, find_meant
 from warpvis.viewer._pictures import (
     AgentPicture,
     PictureKind,
-    Row,
     Seen,
     SightLine,
     SightLines,
     SurfaceCloud,
-    table_rows,
 )
 from warpvis.viewer._stage import MujocoStage, Stage, as_mujoco_stage, check_frames, objects_in_frame
+from warpvis.viewer._tables import Row, table_rows
 from warpvis.visibility import Agent, Candidate, Eyes, Perspective, State, perspective
 from warpvis.viz import STATE_COLORS
 

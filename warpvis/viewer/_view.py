@@ -5,25 +5,23 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import io
 import math
 import os
-import socket
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.cameras.frames import Frames
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import as_path, check_flag, check_text, is_whole
+from warpvis.core.checks import as_path, check_flag, check_text
 from warpvis.core.file_content import writing
 from warpvis.core.poses import check_up
 from warpvis.errors import FileFormatError, WarpvisError
@@ -40,12 +38,13 @@ from warpvis.viewer._nodes import (
     agent_colors,
     mark_scale,
 )
+from warpvis.viewer._page_parts import serve, stop
 from warpvis.viewer._panel import Panel, describe_proposal, propose
 from warpvis.viewer._picking import probabilities
-from warpvis.viewer._pictures import legend_html, table_html
 from warpvis.viewer._sight_marks import answers_html, meant_html
 from warpvis.viewer._stage import as_mujoco_stage
 from warpvis.viewer._state import Snapshot, ViewerState
+from warpvis.viewer._tables import legend_html, table_html
 from warpvis.visibility import Agent
 
 if TYPE_CHECKING:
@@ -89,10 +88,8 @@ class Viewer:
         if not isinstance(state, ViewerState):
             raise WarpvisError(f"state must be a warpvis.viewer.ViewerState, got {type(state).__name__}")
         dark = check_flag(dark, "dark")
-        if not is_whole(port) or not 0 < port < 1 << 16:
-            raise WarpvisError(f"port must be a whole number from 1 to 65535, got {port!r}")
         self.state = state
-        self.server = serve(host, int(port))
+        self.server = serve(host, port)
         self.page = Page(self.server, state, dark=dark)
         self._closed = threading.Event()
 
@@ -124,8 +121,7 @@ class Viewer:
         if not self._closed.is_set():
             self._closed.set()
             self.page.close()
-            with contextlib.redirect_stdout(io.StringIO()):
-                self.server.stop()
+            stop(self.server)
 
     def __enter__(self) -> Viewer:
         return self
@@ -183,31 +179,6 @@ def framing_agent(scene: Scene, camera: Camera | None = None) -> Agent:
     if camera is None:
         camera = replace(Camera.kinect(), near=0.0, far=math.inf)
     return Agent("robot", camera, framing(scene, camera))
-
-
-def serve(host: str, port: int) -> ViserServer:
-    """Start the server."""
-    try:
-        import viser
-    except ImportError:
-        raise WarpvisError("the viewer needs viser, which is missing: pip install 'warpvis[view]'") from None
-    _check_address(host)
-    options: dict[str, Any] = {"host": host, "port": port, "verbose": False}
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner; the caller prints the page's address
-            return viser.ViserServer(**options)
-    except OSError as error:
-        raise WarpvisError(f"the viewer cannot listen on {host}:{port}: {error.strerror or error}") from None
-
-
-def _check_address(host: str) -> None:
-    """Check that this machine can listen on an address."""
-    try:
-        family, kind, _, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind) as probe:
-            probe.bind(address)
-    except (OSError, TypeError, ValueError) as error:
-        raise WarpvisError(f"the viewer cannot listen on host {host!r}: {error}") from None
 
 
 class Page:

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
 import threading
 import time
@@ -15,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import check_flag, check_number, format_percent, is_whole
+from warpvis.core.checks import check_flag, check_number, format_percent
 from warpvis.core.labels import Visibility
 from warpvis.errors import WarpvisError
 from warpvis.maps import label_colors
 from warpvis.viewer._first_view import FirstView, fold_on_phones, spread, without_outliers
 from warpvis.viewer._nodes import AgentMark, agent_colors
+from warpvis.viewer._page_parts import CELL, STYLE, serve, stop
 from warpvis.viewer._sight_marks import SIGHT_COLORS, dot
-from warpvis.viewer._view import serve
 from warpvis.viewer._watch_answers import WatchAnswers
 from warpvis.visibility import DepthWatcher, Sight, Watched, map_points
 from warpvis.viz import depth_colors
@@ -47,8 +45,6 @@ _UNKNOWN_CHOICES, _NEAR_LINE = ("near lines of sight", "all", "none"), 0.2
 Floats = NDArray[np.float64]
 
 _WIDTH, _MAX_SPEED = 320, 4.0
-_STYLE = "font-size:0.8em;line-height:1.35;padding:0 0.6em"
-_CELL = "padding:0.15em 0.5em 0.15em 0;vertical-align:top;border-top:1px solid rgba(128,128,128,0.3)"
 
 
 class WatchPage:
@@ -80,8 +76,6 @@ class WatchPage:
         self._watcher = watcher
         self._initial_speed = check_number(speed, "speed", minimum=0.0, maximum=_MAX_SPEED)
         dark = check_flag(dark, "dark")
-        if not is_whole(port) or not 0 < port < 1 << 16:
-            raise WarpvisError(f"port must be a whole number from 1 to 65535, got {port!r}")
         self.server = serve(host, port)
         self.server.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
         self.server.gui.set_panel_label("warpvis")
@@ -132,7 +126,7 @@ class WatchPage:
                 self._show_map(watched)
                 self._map_time = time.perf_counter()
         self.frames += 1
-        self._status.content = f'<div style="{_STYLE};opacity:0.7" class="warpvis-status">{escape(progress)}</div>'
+        self._status.content = f'<div style="{STYLE};opacity:0.7" class="warpvis-status">{escape(progress)}</div>'
 
     def _show_judged(self, watched: Watched) -> None:
         """Show what depends on people's eyes."""
@@ -153,8 +147,7 @@ class WatchPage:
         """Stop serving the page."""
         if not self._closed.is_set():
             self._closed.set()
-            with contextlib.redirect_stdout(io.StringIO()):
-                self.server.stop()
+            stop(self.server)
 
     def __enter__(self) -> WatchPage:
         return self
@@ -337,9 +330,9 @@ def table_html(watched: Watched) -> str:
     rows = ""
     for place in watched.places:
         cells = "".join(_cell(watched.sights[name][place]) for name in names)
-        rows += f'<tr><td style="{_CELL};white-space:nowrap">{escape(place)}</td>{cells}</tr>'
+        rows += f'<tr><td style="{CELL};white-space:nowrap">{escape(place)}</td>{cells}</tr>'
     return (
-        f'<div style="{_STYLE};max-height:17em;overflow:auto"><table class="warpvis-table" '
+        f'<div style="{STYLE};max-height:17em;overflow:auto"><table class="warpvis-table" '
         f'style="border-collapse:collapse;width:100%"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
     )
 
@@ -347,11 +340,11 @@ def table_html(watched: Watched) -> str:
 def _cell(sight: Sight) -> str:
     length = "" if math.isnan(sight.unknown_length) else f", {sight.unknown_length:.2f} m of unmeasured space"
     title = f"{_WORDS.get(sight.status, 'out of view')}{length}"
-    return f'<td style="{_CELL}" title="{title}">{dot(sight.status)}{escape(sight_text(sight))}</td>'
+    return f'<td style="{CELL}" title="{title}">{dot(sight.status)}{escape(sight_text(sight))}</td>'
 
 
 def _legend_html() -> str:
     items = "".join(
         f'<span style="white-space:nowrap;margin-right:0.9em">{dot(kind)}{word}</span>' for kind, word in _WORDS.items()
     )
-    return f'<div style="{_STYLE}">{items}</div>'
+    return f'<div style="{STYLE}">{items}</div>'
