@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,8 +19,6 @@ from warpvis.scene._mesh import Mesh
 from warpvis.scene._mip_levels import CUBE_SIDES, CUBE_WRAP, count_texels, mip_levels, pack_texels
 from warpvis.scene._object import SceneObject
 from warpvis.scene._reflectances import reflectances
-from warpvis.scene.light_samples import sphere_samples
-from warpvis.scene.lights import Background, Falloff, Light
 from warpvis.scene.materials import (
     AlphaMode,
     Appearance,
@@ -33,13 +30,11 @@ from warpvis.scene.materials import (
     Texture,
     Wrap,
     linear_color,
-    screen_color,
 )
 from warpvis.scene.vertex_grids import device_grid
 
 if TYPE_CHECKING:
     from warpvis.kernels.shading.base_colors import DeviceMaterials, PbrMaterial
-    from warpvis.kernels.shading.lighting import Lights
 
 _PLAIN = Appearance()
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -55,9 +50,6 @@ _ROWS: dict[str, tuple[tuple[int, ...], type, type]] = {
     "texels": ((), np.uint32, wp.uint32),
 }
 """Shapes and types of rows in tables, on the host and on the device."""
-_ENDLESS = 3e38  # about the largest single-precision number [m]
-_LIGHT_KINDS = ("ambient", "directional", "point", "spot", "headlight")
-"""In the order of `kernels.shading.lighting`."""
 
 
 class _Column:
@@ -442,45 +434,3 @@ def _cube_scale(material: Material, item: SceneObject, objects: Sequence[SceneOb
     origin = _pose_in_parent(item, objects)
     half = np.abs(_in_frame(item.mesh.rounded, origin)).max(axis=0).astype(np.float64)
     return tuple((np.array(material.texture_stretch) / np.where(half > 0, half, 1.0)).tolist())
-
-
-def pack_lights(lights: Sequence[Light], device: wp.Device) -> Lights:
-    """Copy lights to a device. If one of them has linear colors, all are summed in linear space."""
-    from warpvis.kernels.shading.lighting import DeviceLight, Lights
-
-    packed, is_linear = Lights(), any(light.color_space == "linear" for light in lights)
-    rows, samples = [], list[NDArray[np.float32]]()
-    for light in lights:
-        record = DeviceLight()
-        record.kind, record.falloff = _LIGHT_KINDS.index(light.kind), get_args(Falloff).index(light.falloff)
-        for name in ("position", "direction", "attenuation"):
-            setattr(record, name, wp.vec3(*getattr(light, name)))
-        specular = light.color if light.specular is None else light.specular
-        for name, color in (("color", light.color), ("ambient", light.ambient), ("specular", specular)):
-            values = linear_color(color) if is_linear and light.color_space == "srgb" else color
-            setattr(record, name, wp.vec3(*(light.intensity * value for value in values)))
-        record.reach, record.intensity = min(light.reach, _ENDLESS), light.intensity
-        record.inner_angle, record.outer_angle, record.exponent = light.inner_angle, light.outer_angle, light.exponent
-        record.cos_inner, record.cos_outer = math.cos(light.inner_angle), math.cos(light.outer_angle)
-        if light.casts_shadow and light.radius > 0:
-            record.radius = math.tan(light.radius) if light.kind == "directional" else light.radius
-            record.first_sample, record.sample_count = sum(map(len, samples)), light.shadow_samples
-            samples.append(sphere_samples(light.shadow_samples).reshape(-1, 3))
-        record.shadow, record.shadow_plane = -1, light.shadow_plane and light.kind == "directional"
-        if light.casts_shadow:
-            record.shadow = packed.shadow_count
-            packed.shadow_count += 1
-        rows.append(record)
-    packed.all = wp.array(rows, dtype=DeviceLight, device=device).reshape((1, len(rows)))
-    packed.is_linear = is_linear
-    if samples:
-        packed.samples = wp.array(np.concatenate(samples), dtype=wp.vec3, device=device)
-    return packed
-
-
-def set_background(scene_materials: DeviceMaterials, background: Background | None) -> None:
-    """Set the color of pixels that see no object; black under a sky, which is painted later."""
-    color: tuple[float, ...] = (0.0, 0.0, 0.0)
-    if background is not None and not background.has_sky:
-        color = background.color if background.color_space == "srgb" else screen_color(background.color)
-    scene_materials.background = wp.vec3(*color)

@@ -586,7 +586,8 @@ class Scene:
         Returns:
             The materials, and the entry in them of each alternative.
         """
-        from warpvis.scene._device_materials import MaterialTables, set_background
+        from warpvis.scene._device_materials import MaterialTables
+        from warpvis.scene.device_sky import set_background
 
         objects, movable = self.objects, self.movable
         with self._lock:
@@ -619,7 +620,7 @@ class Scene:
 
     def device_lights(self, lights: tuple[Light, ...]) -> Lights:
         """Return the lights on the device, created on first use after they were changed."""
-        from warpvis.scene._device_materials import pack_lights
+        from warpvis.scene._device_lights import pack_lights
 
         with self._lock:
             if self._device_lights is None or self._device_lights[0] != lights:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sky of a background on a device, which `kernels.shading.sky` reads."""
+"""The background of a scene on a device, and its sky, which `kernels.shading.sky` reads."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from warpvis.scene.lights import Background, Haze
 from warpvis.scene.materials import Filter, Wrap, screen_color
 
 if TYPE_CHECKING:
+    from warpvis.kernels.shading.base_colors import DeviceMaterials
     from warpvis.kernels.shading.sky import Haze as DeviceHaze, Sky
 
 _MAX_LIGHT = float(np.finfo(np.float16).max)
@@ -109,3 +110,11 @@ def _pack_haze(haze: Haze, world_to_sky: NDArray[np.float64]) -> DeviceHaze:
     packed.sky_normal = wp.vec3(*(world_to_sky @ np.array(haze.normal)).tolist())
     packed.radius, packed.width, packed.peak = haze.radius, haze.width, haze.peak
     return packed
+
+
+def set_background(scene_materials: DeviceMaterials, background: Background | None) -> None:
+    """Set the color of pixels that see no object; black under a sky, which is painted later."""
+    color: tuple[float, ...] = (0.0, 0.0, 0.0)
+    if background is not None and not background.has_sky:
+        color = background.color if background.color_space == "srgb" else screen_color(background.color)
+    scene_materials.background = wp.vec3(*color)

@@ -18,7 +18,7 @@ from warpvis.core.checks import pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, SceneError
-from warpvis.scene._device_materials import pack_lights
+from warpvis.scene._device_lights import pack_lights
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import Material
 
