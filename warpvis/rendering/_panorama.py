@@ -13,7 +13,7 @@ from warpvis.core.poses import Convention, QuaternionOrder
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.rendering._choices import Output
 from warpvis.rendering._color_options import ColorOptions
-from warpvis.rendering._renderer import render
+from warpvis.rendering._render import render
 from warpvis.rendering._views import Views
 from warpvis.scene import Scene, require_scene
 
