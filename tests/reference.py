@@ -16,7 +16,6 @@ from reference_body_visibility import (  # noqa: F401
     body_centers,
     distance_to_free,
     exclude_others,
-    measure_body,
     shape_values,
 )
 from reference_building import (  # noqa: F401

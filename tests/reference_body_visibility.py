@@ -18,24 +18,6 @@ def exclude_others(members: NDArray, hidden: NDArray | None, views: int) -> NDAr
     return (others if hidden is None else others | (hidden != 0)).astype(np.uint8)
 
 
-def measure_body(
-    segmentation: NDArray, depth: NDArray, isolated: NDArray, members: NDArray, left: int, top: int, camera: Camera
-) -> dict[str, NDArray]:
-    """Return masks of one view: silhouette on the canvas, and visible, too near, too far and hidden in the image."""
-    height, width = segmentation.shape
-    image = slice(top, top + height), slice(left, left + width)
-    shown = np.append(members, 0)[segmentation] != 0
-    visible = shown & (depth >= camera.near) & (depth <= camera.far)
-    canvas = np.isfinite(isolated)
-    canvas[image] |= visible
-    alone = isolated[image]
-    silhouette = canvas[image]
-    near = silhouette & ~visible & (alone < camera.near)
-    far = silhouette & ~visible & ~near & (alone > camera.far)
-    hidden = silhouette & ~visible & ~near & ~far & (segmentation >= 0)
-    return {"canvas": canvas, "image": silhouette, "visible": visible, "near": near, "far": far, "hidden": hidden}
-
-
 def distance_to_free(depth: NDArray, isolated: NDArray) -> float:
     """Return the smallest distance [px] from a pixel of a body to one that shows nothing nearer, in one image."""
     best = math.inf

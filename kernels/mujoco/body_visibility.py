@@ -1,15 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Visible fraction of bodies of several geoms, from images of all geoms and of the isolated body.
-
-The isolated body's image is the union of the silhouettes of its geoms: a pixel that several of them cover counts once.
-"""
+"""Shaped values of the visibility of bodies: with a slope where the visible fraction is 0 or 1."""
 
 import warp as wp
 
 from warpvis.kernels.pinhole import PinholeCamera, frame_of
 from warpvis.kernels.visibility.points import OCCLUDED
-from warpvis.kernels.visibility.silhouettes import Found, add_found, count_silhouette, grown
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -31,57 +27,6 @@ def exclude_others(
     excluded_out[view, index] = excluded
 
 
-@wp.kernel
-def measure_body(
-    # In:
-    segmentation: wp.array3d[wp.int32],
-    depth: wp.array3d[float],
-    isolated: wp.array3d[float],
-    members: wp.array[wp.uint8],
-    left: int,
-    top: int,
-    near: float,
-    far: float,
-    slot: int,
-    # Out:
-    counts_out: wp.array3d[wp.int32],
-    hidden_by_out: wp.array3d[wp.int32],
-):
-    """Add the pixels of a body in a row of the canvas to the counters, ``(counter, view, slot)``, which start at 0.
-
-    `segmentation` and `depth` are images of all objects, and `isolated` the depth of the isolated body on the canvas,
-    +inf where it is not. The image begins at column `left` and row `top` of the canvas.
-    """
-    view, row = wp.tid()
-    y = row - top
-    found = Found()
-    for column in range(isolated.shape[2]):
-        x = column - left
-        z = isolated[view, row, column]
-        is_covered = wp.isfinite(z)
-        shown = int(-1)
-        is_visible = bool(False)
-        is_in_image = x >= 0 and y >= 0 and x < segmentation.shape[2] and y < segmentation.shape[1]
-        if is_in_image:
-            shown = segmentation[view, y, x]
-            if shown >= 0 and depth[view, y, x] >= near and depth[view, y, x] <= far:
-                is_visible = members[shown] != wp.uint8(0)
-        if is_covered or is_visible:
-            found = count_silhouette(found, x, y)
-            if is_in_image:
-                found.image += 1
-                if is_visible:
-                    found.visible += 1
-                    found.visible_box = grown(found.visible_box, x, y)
-                elif z < near:
-                    found.too_near += 1
-                elif z > far:
-                    found.too_far += 1
-                elif shown >= 0:
-                    wp.atomic_add(hidden_by_out, view, slot, shown, 1)
-    add_found(counts_out, view, slot, found)
-
-
 @wp.func
 def is_free(depth: wp.array3d[float], view: int, y: int, x: int, z: float) -> bool:
     """Return whether a pixel of the image exists and shows nothing nearer than a depth."""
@@ -95,8 +40,6 @@ def distance_to_free(
     # In:
     depth: wp.array3d[float],
     isolated: wp.array3d[float],
-    left: int,
-    top: int,
     slot: int,
     # Out:
     squared_out: wp.array2d[wp.int32],
@@ -109,7 +52,7 @@ def distance_to_free(
     view, y = wp.tid()
     best = squared_out[view, slot]
     for x in range(depth.shape[2]):
-        z = isolated[view, y + top, x + left]
+        z = isolated[view, y, x]
         if wp.isfinite(z):
             dy = int(0)
             while dy * dy < best:
@@ -175,7 +118,7 @@ def shape_values(
     centers: wp.array2d[wp.vec3],
     fraction: wp.array2d[float],
     status: wp.array2d[wp.uint8],
-    silhouette_box: wp.array2d[wp.vec4i],
+    visible_box: wp.array2d[wp.vec4i],
     squared: wp.array2d[wp.int32],
     # Out:
     shaped_out: wp.array2d[float],
@@ -185,7 +128,7 @@ def shape_values(
     diagonal = wp.sqrt(camera.width * camera.width + camera.height * camera.height)
     value = fraction[view, slot]
     if value == 1.0:
-        box = silhouette_box[view, slot]
+        box = visible_box[view, slot]  # all of the silhouette
         right, bottom = int(camera.width) - box[0] - box[2], int(camera.height) - box[1] - box[3]
         margin = wp.min(wp.min(box[0], box[1]), wp.min(right, bottom))
         value = 1.0 + float(wp.max(margin, 0)) / diagonal

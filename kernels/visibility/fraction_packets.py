@@ -28,6 +28,7 @@ class FractionCall:
     workers: WorkerMemory
     canvas: Canvas
     min_samples: int
+    cull_backfaces: int
     worlds: Worlds
     spread_worlds: Worlds
 

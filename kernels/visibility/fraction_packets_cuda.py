@@ -19,7 +19,7 @@ __shared__ warpvis::WarpMemory memory;
 view = warpvis::Warp::uniform(view);
 warpvis::Fractions::measure(warpvis::Scene::of(scene, worlds, found, view),
                             warpvis::Scene::of(isolated, spread_worlds, found, view),
-                            warpvis::View::of(camera, poses, view, false),
+                            warpvis::View::of(camera, poses, view, sampling.cull_backfaces != 0),
                             warpvis::FractionCall::of(targets, sampling, counts, hidden_by),
                             warpvis::Warp::uniform(target), warpvis::Warp::uniform(part), memory);
 """

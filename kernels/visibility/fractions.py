@@ -51,6 +51,7 @@ class Sampling:
     canvas: Canvas
     min_samples: int
     """Minimum number of samples of the rectangle that a target may cover."""
+    cull_backfaces: int
     threads: int
 
 
@@ -159,6 +160,7 @@ def examine(
     isolated: TriangleScene,
     targets: Targets,
     camera: PinholeCamera,
+    cull_backfaces: bool,
     in_world: Frame,
     worlds: Worlds,
     spread_worlds: Worlds,
@@ -187,7 +189,9 @@ def examine(
     for i in range(targets.first[target], targets.first[target + 1]):
         index = targets.members[i]
         frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, index))
-        own = meet_object(isolated, spread_worlds, world, view, index, frame, ray, range_of_rays.clip, False, own)
+        own = meet_object(
+            isolated, spread_worlds, world, view, index, frame, ray, range_of_rays.clip, cull_backfaces, own
+        )
     if own.face < 0:
         return sample
     frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, own.movable))
@@ -197,7 +201,7 @@ def examine(
     sample.is_in_image = x >= 0 and y >= 0 and x < int(camera.width) * across and y < int(camera.height) * across
     if not sample.is_in_image or depth < camera.near or depth > camera.far:
         return sample
-    hit = trace_ray(scene, range_of_rays, in_world, worlds, worlds, view, ray, False)
+    hit = trace_ray(scene, range_of_rays, in_world, worlds, worlds, view, ray, cull_backfaces)
     if hit.face >= 0:
         shown = object_of(scene, hit.movable, hit.face)
         if hit.round:
@@ -302,7 +306,19 @@ def measure_fractions(
             sample, above = Sample(), Sample()
             if x < part.x1 and y < part.y1:
                 sample = examine(
-                    scene, isolated, targets, camera, in_world, worlds, spread_worlds, view, target, part.across, y, x
+                    scene,
+                    isolated,
+                    targets,
+                    camera,
+                    sampling.cull_backfaces != 0,
+                    in_world,
+                    worlds,
+                    spread_worlds,
+                    view,
+                    target,
+                    part.across,
+                    y,
+                    x,
                 )
             if x < part.x1 and y > part.y0:
                 above = examine(
@@ -310,6 +326,7 @@ def measure_fractions(
                     isolated,
                     targets,
                     camera,
+                    sampling.cull_backfaces != 0,
                     in_world,
                     worlds,
                     spread_worlds,

@@ -33,10 +33,9 @@ from warpvis.mujoco._body_visibility import (
     BodyMeter,
     BodyVisibility,
     by_world,
-    check_canvas,
-    check_shaped,
     choose_bodies,
     members_of_bodies,
+    require_perspective,
 )
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._geom_renderer import CoincidingGeoms
@@ -62,6 +61,7 @@ from warpvis.rendering import (
 )
 from warpvis.scene import Scene
 from warpvis.scene.world_appearances import WorldAppearances
+from warpvis.visibility import check_canvas
 
 
 class BatchRenderer:
@@ -177,7 +177,7 @@ class BatchRenderer:
         shapes = self.mujoco_scene.shapes()
         self._coinciding = CoincidingGeoms(model, self.scene, shapes, resizable=self._resizable.objects)
         self._caster = ViewCaster(self.scene, self._coinciding, self._render_options)
-        self._meter = BodyMeter(self.scene, self._coinciding, self._render_options)
+        self._meter = BodyMeter(self.scene, self._render_options)
         self._worlds = BatchWorlds(
             model,
             self.mujoco_scene,
@@ -280,24 +280,27 @@ class BatchRenderer:
         cameras: CameraChoice | Sequence[CameraChoice] | None = None,
         subtree: bool = False,
         shaped: bool = False,
-        canvas: Sequence[int] | None = None,
+        canvas: tuple[int, int, int, int] | None = None,
+        min_samples: int = 256,
+        occluders: int = 3,
         worlds: ArrayLike | None = None,
         model: object | None = None,
     ) -> BodyVisibility:
         """Measure how much of some bodies is visible in some cameras in some worlds, and what hides the rest.
 
-        A pixel counts as visible if `render` shows a geom of the body there. Fractions are relative to the pixels that
-        the body would cover if it were alone in the world, as for `warpvis.object_visibility`.
+        Fractions are those of `warpvis.visible_fractions`, of the union of a body's geoms. As in images, surfaces
+        nearer than the near plane are invisible with ``near_plane="clip"``.
 
         Args:
             poses: As for `render`, and so are `cameras`, `worlds` and `model`.
             bodies: Names or ids of bodies, each with all its rendered geoms and sites.
-            cameras: The cameras.
+            cameras: The cameras, which must be perspective.
             subtree: Whether bodies include their descendants.
-            shaped: Whether to compute `BodyVisibility.shaped`; all cameras must then be perspective.
-            canvas: Extension of the canvas of silhouettes beyond the image's left, top, right and bottom border [px];
-                by default the image's width and height on each side. With ``(0, 0, 0, 0)``, a fraction is that of the
-                part inside the image, and takes less time.
+            shaped: Whether to compute `BodyVisibility.shaped`.
+            canvas: As for `warpvis.visible_fractions`, and so are `min_samples` and `occluders`. With
+                ``(0, 0, 0, 0)``, a fraction is that of the part inside the image.
+            min_samples: Minimum number of rays through the rectangle that a body may cover.
+            occluders: Number of occluders of each body.
             worlds: The worlds.
             model: Fields that differ between worlds.
 
@@ -307,23 +310,22 @@ class BatchRenderer:
             ArrayError: If poses, worlds, `canvas` or `model` do not fit.
         """
         chosen = choose_cameras(self.model, cameras, self.width, self.height)
-        for camera in chosen:
-            check_shaped(camera.intrinsics, shaped=shaped)
-        sides = check_canvas(canvas, self.width, self.height)
+        lenses = [require_perspective(camera.intrinsics) for camera in chosen]
+        options: dict[str, Any] = {"canvas": check_canvas(canvas, lenses[0]), "shaped": shaped}
+        options |= {"min_samples": min_samples, "occluders": occluders}
         ids, of_objects = choose_bodies(self.model, bodies), self._bodies_of_objects()
         parts = members_of_bodies(self.model, ids, of_objects, subtree=check_flag(subtree, "subtree"))
-        members = wp.array(parts, dtype=wp.uint8, device=self.scene.device)
+        groups = [np.flatnonzero(part).tolist() for part in parts]
         prepared = self._worlds.prepare(poses, chosen, worlds, model)
-        count = len(prepared.indices)
-        found = self._meter.allocate((len(chosen) * count, len(ids)), shaped=shaped)
+        count, found = len(prepared.indices), dict[str, wp.array]()
 
         def measure(camera: PlanarCamera, views: NDArray[np.int64]) -> None:
-            self._meter.measure(camera, sides, prepared.place, views, members, found)
+            self._meter.measure(require_perspective(camera), prepared.place, views, groups, found, **options)
 
         self._worlds.for_each_group(prepared, measure)
         self._worlds.give_back(prepared)
         names = tuple(self.model.body(body).name for body in ids)
-        return BodyVisibility(tuple(ids), names, **by_world(found, len(chosen), count))
+        return BodyVisibility(names, **by_world(found, len(chosen), count), bodies=tuple(ids))
 
     def _bodies_of_objects(self) -> NDArray[np.int32]:
         """List the body of every object of the scene; -1 for those without a body."""

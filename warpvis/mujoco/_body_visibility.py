@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import mujoco  # noqa: TID253 - the whole package is about it
 import numpy as np
@@ -14,60 +14,31 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
-from warpvis.core.arrays import empty
-from warpvis.core.checks import as_items, check_flag, is_whole
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import as_items, check_flag, check_whole, is_whole
 from warpvis.core.kernel_cache import launch
-from warpvis.errors import ArrayError, CameraError, SceneError
+from warpvis.errors import CameraError, SceneError
 from warpvis.mujoco._batch_views import Workplace
-from warpvis.mujoco._geom_renderer import CoincidingGeoms, GeomRenderer
+from warpvis.rendering import Renderer
 from warpvis.scene import Scene
-from warpvis.scene.worlds import pose_columns
+from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
+from warpvis.visibility import FractionMeter, ObjectFractions
 
-_MAX_RENDERERS = 64
-# Maximum size of the images of a batch of views [bytes].
-_CPU_BYTES, _CUDA_BYTES = 1 << 24, 1 << 30
-_IMAGES: tuple[Any, ...] = ("depth", "segmentation")
-_RESULTS = {
-    "fraction": wp.float32,
-    "reason": wp.uint8,
-    "occluder": wp.int32,
-    "visible_box": wp.vec4i,
-    "silhouette_box": wp.vec4i,
-}
-_COUNTERS = ("visible_pixels", "image_pixels", "silhouette_pixels")
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
+
+_MAX_METERS = 64
 
 
 @dataclass(frozen=True)
-class BodyVisibility:
-    """Visibility of K bodies in C cameras of W worlds: `wp.array`s on the scene's device, ``[world, camera, body]``.
+class BodyVisibility(ObjectFractions):
+    """Visible fractions of K bodies in C cameras of W worlds, indexed ``[world, camera, body]``.
 
-    A silhouette is the set of pixels that the body's geoms cover without all others: where several of them overlap, a
-    pixel counts once.
+    A body is the union of its geoms: where several of them overlap, a pixel counts once.
     """
 
-    bodies: tuple[int, ...]
+    bodies: tuple[int, ...] = ()
     """Ids of the bodies."""
-    names: tuple[str, ...]
-    """Their names."""
-    fraction: wp.array
-    """`visible_pixels` / `silhouette_pixels`, ``(W, C, K)`` float32; 0 without a silhouette."""
-    visible_pixels: wp.array
-    """Pixels of the image that show the body, ``(W, C, K)`` int32."""
-    image_pixels: wp.array
-    """Pixels of the image that the isolated body covers, at any depth, ``(W, C, K)`` int32."""
-    silhouette_pixels: wp.array
-    """Pixels of the canvas that the isolated body covers, at any depth, ``(W, C, K)`` int32."""
-    reason: wp.array
-    """`warpvis.Visibility`, ``(W, C, K)`` uint8: VISIBLE, or the reason that applies to most of its pixels in the
-    image: OCCLUDED, TOO_NEAR, TOO_FAR, or OUT_OF_VIEW if it covers none."""
-    occluder: wp.array
-    """Index of the scene's object that hides most of its pixels, -1 if no pixel is hidden, ``(W, C, K)`` int32;
-    ``batch.scene.objects[index].name`` is that of the geom."""
-    visible_box: wp.array
-    """Bounding box of the visible pixels: x, y, width and height [px], all -1 if there are none, ``(W, C, K)``
-    vec4i."""
-    silhouette_box: wp.array
-    """Bounding box of the silhouette on the canvas in the same format, relative to the image's first pixel."""
     shaped: wp.array | None = None
     """A value with a slope where the fraction is 0 or 1, ``(W, C, K)`` float32; None if not requested. With the image's
     diagonal d [px], it is 1 + m / d if the fraction is 1 and m is the distance from the silhouette's box to the image
@@ -97,8 +68,8 @@ def choose_bodies(model: mujoco.MjModel, bodies: Sequence[str | int]) -> list[in
 
 def members_of_bodies(
     model: mujoco.MjModel, chosen: Sequence[int], of_objects: NDArray[np.int32], *, subtree: bool
-) -> NDArray[np.uint8]:
-    """Return whether the scene's objects are part of each body, or of its descendants, ``(K, objects)``."""
+) -> NDArray[np.bool_]:
+    """Return whether the scene's objects are part of each body, or of its descendants, ``(K, objects)`` bool."""
     part_of = np.eye(model.nbody, dtype=bool)
     if subtree:
         for body in range(1, model.nbody):  # parents come first
@@ -109,137 +80,130 @@ def members_of_bodies(
         if not mine.any():
             hint = "" if subtree else "; subtree=True includes those of its descendants"
             raise SceneError(f"bodies must have rendered geoms, got {model.body(body).name!r} without any{hint}")
-    return members.astype(np.uint8)
-
-
-def check_canvas(canvas: Sequence[int] | None, width: int, height: int) -> tuple[int, int, int, int]:
-    """Return how far the canvas extends beyond the image's left, top, right and bottom border [px]."""
-    if canvas is None:
-        return width, height, width, height
-    sides = tuple(canvas) if isinstance(canvas, Sequence) else ()
-    if len(sides) != 4 or not all(is_whole(side) and 0 <= side < 1 << 14 for side in sides):
-        raise ArrayError(f"canvas must be four whole numbers of pixels: left, top, right, bottom, got {canvas!r}")
-    left, top, right, bottom = map(int, sides)
-    return left, top, right, bottom
+    return members
 
 
 class BodyMeter:
-    """Measures bodies in views of a scene: renders all objects, and each body by itself on a larger canvas."""
+    """Measures bodies in views of a scene, and computes their shaped values."""
 
-    def __init__(self, scene: Scene, coinciding: CoincidingGeoms, options: Mapping[str, Any]) -> None:
+    def __init__(self, scene: Scene, options: Mapping[str, Any]) -> None:
         """Use a scene with the options of a `BatchRenderer`."""
-        self._scene, self._coinciding = scene, coinciding
-        names = "near_plane", "cull_backfaces", "threads"
-        self._options = {name: options[name] for name in names}
-        self._renderers: dict[PlanarCamera, GeomRenderer] = {}
+        self._scene = scene
+        self._options = {name: options[name] for name in ("near_plane", "cull_backfaces", "threads")}
+        self._meters: dict[Any, FractionMeter] = {}
+        self._renderers: dict[Camera, Renderer] = {}
         self._centers: tuple[wp.array, wp.array] | None = None
 
-    def _renderer(self, camera: PlanarCamera, outputs: Sequence[Any]) -> GeomRenderer:
-        if camera not in self._renderers:
-            while len(self._renderers) >= _MAX_RENDERERS:
-                self._renderers.pop(next(iter(self._renderers)), None)
-            self._renderers[camera] = GeomRenderer(
-                self._scene, camera, self._coinciding, outputs=outputs, fill="inf", **self._options
-            )
-        return self._renderers[camera]
-
-    def allocate(self, shape: tuple[int, int], *, shaped: bool) -> dict[str, wp.array]:
-        """Allocate the results of V views and K bodies by name."""
-        device = self._scene.device
-        dtypes = dict.fromkeys(_COUNTERS, wp.int32) | _RESULTS | ({"shaped": wp.float32} if shaped else {})
-        return {name: empty(shape, dtype, name=name, device=device) for name, dtype in dtypes.items()}
+    def _meter(
+        self,
+        camera: Camera,
+        groups: Sequence[Sequence[int]],
+        canvas: tuple[int, int, int, int],
+        min_samples: int,
+        occluders: int,
+    ) -> FractionMeter:
+        key = camera, tuple(map(tuple, groups)), canvas, min_samples, occluders
+        if key not in self._meters:
+            while len(self._meters) >= _MAX_METERS:
+                self._meters.pop(next(iter(self._meters)), None)
+            options: dict[str, Any] = {"min_samples": min_samples, "occluders": occluders, **self._options}
+            self._meters[key] = FractionMeter(self._scene, camera, objects=groups, canvas=canvas, **options)
+        return self._meters[key]
 
     def measure(
         self,
-        camera: PlanarCamera,
-        canvas: tuple[int, int, int, int],
+        camera: Camera,
         place: Workplace,
         views: NDArray[np.int64],
-        members: wp.array,
-        out: Mapping[str, wp.array],
+        groups: Sequence[Sequence[int]],
+        found: dict[str, wp.array],
+        *,
+        canvas: tuple[int, int, int, int],
+        min_samples: int,
+        occluders: int,
+        shaped: bool,
     ) -> None:
-        """Measure bodies in views through cameras with equal intrinsics, and write rows of the results.
+        """Measure bodies in views through cameras with equal intrinsics.
 
         Args:
             camera: The intrinsics.
-            canvas: Extension of the canvas [px].
             place: Poses of cameras and objects.
             views: The views to measure.
-            members: Whether each of the scene's objects is part of a body, ``(K, objects)`` uint8.
-            out: The results of `allocate`.
+            groups: The scene's objects of each body.
+            found: Results of all views by name, ``(V, K, ...)``, of which rows are written; missing ones are allocated.
+            canvas: As for a `FractionMeter`.
+            min_samples: Likewise.
+            occluders: Likewise.
+            shaped: Whether to compute shaped values.
         """
-        left, top, right, bottom = canvas
-        pixels = (camera.width + left + right) * (camera.height + top + bottom) + 2 * camera.width * camera.height
-        limit = _CPU_BYTES if self._scene.device.is_cpu else _CUDA_BYTES
-        step = max(1, limit // (4 * pixels))
-        for first in range(0, len(views), step):
-            part = views[first : first + step]
-            rows: slice | wp.array = slice(int(part[0]), int(part[-1]) + 1)
-            if len(part) <= part[-1] - part[0]:
-                rows = wp.array(part, dtype=wp.int32, device=self._scene.device)
-            if len(part) == place.eyes.size:  # the usual case: all views at once
-                self._measure(camera, canvas, place, rows, members, out)
-                continue
-            found = self.allocate((len(part), len(members)), shaped="shaped" in out)
-            self._measure(camera, canvas, place, rows, members, found)
-            for name, array in out.items():
-                wp.copy(array[rows], found[name])
-
-    def _measure(
-        self,
-        camera: PlanarCamera,
-        canvas: tuple[int, int, int, int],
-        place: Workplace,
-        rows: slice | wp.array,
-        members: wp.array,
-        found: Mapping[str, wp.array],
-    ) -> None:
-        from warpvis.kernels.constants import IMAGE_PIXELS, SILHOUETTE_COUNTERS, SILHOUETTE_PIXELS, VISIBLE_PIXELS
-        from warpvis.kernels.mujoco import body_visibility as kernels
-        from warpvis.kernels.visibility.silhouettes import judge_silhouettes
-
-        left, top, right, bottom = canvas
-        device, (count, objects) = self._scene.device, members.shape
+        device, total = self._scene.device, place.eyes.size
+        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
+        if len(views) <= views[-1] - views[0]:
+            rows = wp.array(views, dtype=wp.int32, device=device)
         eyes, world_of_view = _rows(place.eyes.flatten(), rows), _rows(place.world_of_view, rows)
         hidden = None if place.hidden is None else _rows(place.hidden, rows)
-        size, shaped = len(eyes), "shaped" in found
-        options: dict[str, Any] = {}
         if place.objects.size:
-            options = {"object_poses": place.objects, "world_index": world_of_view, "object_sizes": place.sizes}
+            worlds = parse_worlds(self._scene, len(eyes), place.objects, world_of_view, hidden)
+            worlds.object_sizes = place.sizes
+        else:
+            worlds = parse_worlds(self._scene, len(eyes), None, None, hidden)
+        numbers = check_whole(min_samples, "min_samples"), check_whole(occluders, "occluders", minimum=0)
+        measured = self._meter(camera, groups, canvas, *numbers).measure_parsed(eyes, worlds)
+        results = {item.name: getattr(measured, item.name) for item in fields(measured) if item.name != "names"}
+        if check_flag(shaped, "shaped"):
+            results["shaped"] = self._shape(camera, place, eyes, worlds, groups, measured)
+        for name, array in results.items():
+            if len(views) == total:  # the usual case
+                found[name] = array
+                continue
+            if name not in found:
+                found[name] = wp.empty((total, *array.shape[1:]), dtype=array.dtype, device=device)
+            wp.copy(found[name][rows], array)
 
-        # Surfaces beyond the depth range occlude too, except those that MuJoCo clips.
+    def _shape(
+        self,
+        camera: Camera,
+        place: Workplace,
+        eyes: wp.array,
+        worlds: Worlds,
+        groups: Sequence[Sequence[int]],
+        measured: ObjectFractions,
+    ) -> wp.array:
+        """Return the shaped values of bodies in views, ``(V, K)``."""
+        from warpvis.kernels.mujoco import body_visibility as kernels
+
+        device, (size, count), objects = self._scene.device, measured.fraction.shape, len(self._scene)
+        flags = np.zeros((count, objects), dtype=np.uint8)
+        for mine, group in zip(flags, groups, strict=True):
+            mine[list(group)] = 1
+        members = wp.array(flags, dtype=wp.uint8, device=device)
         near = camera.near if self._options["near_plane"] == "clip" else 0.0
-        image = self._renderer(replace(camera, near=near, far=np.inf), _IMAGES)
-        seen = image.render_sizes(eyes, exclude=hidden, **options)
-        wide = {"width": camera.width + left + right, "height": camera.height + top + bottom}
-        alone = self._renderer(
-            replace(camera, cx=camera.cx + left, cy=camera.cy + top, near=0.0, far=np.inf, **wide), ("depth",)
-        )
-        counts = wp.zeros((SILHOUETTE_COUNTERS, size, count), dtype=wp.int32, device=device)
-        hidden_by = wp.zeros((size, count, objects), dtype=wp.int32, device=device)
+        renderer = self._renderer(replace(camera, near=near, far=np.inf))
+        seen, isolated = renderer.render_parsed(eyes, worlds), None
         squared = wp.full((size, count), camera.width**2 + camera.height**2, dtype=wp.int32, device=device)
-        excluded = wp.empty((size, objects), dtype=wp.uint8, device=device)
-        isolated = None
+        hidden = worlds.excluded
+        alone = part_of(worlds, slice(0, size))
+        alone.excluded = wp.empty((size, objects), dtype=wp.uint8, device=device)
         for slot in range(count):
-            launch(kernels.exclude_others, (size, objects), [members[slot], hidden, excluded], device)
-            isolated = alone.render_sizes(eyes, exclude=excluded, out=isolated, **options)
-            images = [seen.segmentation, seen.depth, isolated.depth, members[slot]]
-            numbers = [left, top, camera.near, camera.far, slot]
-            launch(kernels.measure_body, (size, wide["height"]), [*images, *numbers, counts, hidden_by], device)
-            if shaped:
-                inputs = [seen.depth, isolated.depth, left, top, slot, squared]
-                launch(kernels.distance_to_free, (size, camera.height), inputs, device)
+            launch(kernels.exclude_others, (size, objects), [members[slot], hidden, alone.excluded], device)
+            isolated = renderer.render_parsed(eyes, alone, out=isolated)
+            inputs = [seen.depth, isolated.depth, slot, squared]
+            launch(kernels.distance_to_free, (size, camera.height), inputs, device)
+        centers = wp.empty((size, count), dtype=wp.vec3, device=device)
+        world_of_view = worlds.world if worlds.world is not None else wp.zeros(size, dtype=wp.int32, device=device)
+        inputs = [*self._object_centers(), place.objects, world_of_view, members, centers]
+        launch(kernels.body_centers, (size, count), inputs, device)
+        shaped = wp.empty((size, count), dtype=wp.float32, device=device)
+        judged = [measured.fraction, measured.status, measured.box, squared, shaped]
+        launch(kernels.shape_values, (size, count), [camera.device_struct(), eyes, centers, *judged], device)
+        return shaped
 
-        launch(judge_silhouettes, (size, count), [counts, hidden_by, 1, *(found[name] for name in _RESULTS)], device)
-        for name, row in zip(_COUNTERS, (VISIBLE_PIXELS, IMAGE_PIXELS, SILHOUETTE_PIXELS), strict=True):
-            wp.copy(found[name], counts[row])
-        if shaped:
-            centers = wp.empty((size, count), dtype=wp.vec3, device=device)
-            inputs = [*self._object_centers(), place.objects, world_of_view, members, centers]
-            launch(kernels.body_centers, (size, count), inputs, device)
-            judged = [found[name] for name in ("fraction", "reason", "silhouette_box")]
-            inputs = [camera.device_struct(), eyes, centers, *judged, squared, found["shaped"]]
-            launch(kernels.shape_values, (size, count), inputs, device)
+    def _renderer(self, camera: Camera) -> Renderer:
+        if camera not in self._renderers:
+            while len(self._renderers) >= _MAX_METERS:
+                self._renderers.pop(next(iter(self._renderers)), None)
+            self._renderers[camera] = Renderer(self._scene, camera, outputs=("depth",), fill="inf", **self._options)
+        return self._renderers[camera]
 
     def _object_centers(self) -> tuple[wp.array, wp.array]:
         """Return the center of every object's box, and the column of the pose that it is relative to, -1 for none."""
@@ -254,23 +218,25 @@ class BodyMeter:
         return self._centers
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_renderers": {}, "_centers": None}
+        return self.__dict__ | {"_meters": {}, "_renderers": {}, "_centers": None}
 
 
 def _rows(array: wp.array, rows: slice | wp.array) -> wp.array:
     return array[rows] if isinstance(rows, slice) else array[rows].contiguous()
 
 
-def check_shaped(camera: PlanarCamera, *, shaped: bool) -> bool:
-    """Return the flag, and raise a `CameraError` if it is set and the camera has no angles."""
-    if check_flag(shaped, "shaped") and camera.ray_model == "parallel":
-        raise CameraError("cameras must be perspective with shaped=True, got an orthographic one")
-    return shaped
+def require_perspective(camera: PlanarCamera) -> Camera:
+    """Return the camera, or raise a `CameraError` if it is orthographic."""
+    if not isinstance(camera, Camera):
+        raise CameraError("cameras must be perspective for visibility, got an orthographic one")
+    return camera
 
 
 def by_world(found: Mapping[str, wp.array], cameras: int, worlds: int) -> dict[str, wp.array]:
-    """Return results ``(C * W, K)`` as ``(W, C, K)``."""
+    """Return results ``(C * W, K, ...)`` as ``(W, C, K, ...)``."""
     return {
-        name: array.reshape((cameras, worlds, array.shape[1])).transpose((1, 0, 2)).contiguous()
+        name: array.reshape((cameras, worlds, *array.shape[1:]))
+        .transpose((1, 0, *range(2, array.ndim + 1)))
+        .contiguous()
         for name, array in found.items()
     }

@@ -5,8 +5,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import mujoco  # noqa: TID253 - the whole package is about it
@@ -22,7 +21,8 @@ from warpvis.mujoco._body_visibility import choose_bodies, members_of_bodies
 from warpvis.mujoco._cameras import camera_from_mujoco, camera_id
 from warpvis.mujoco._poses import camera_poses, geom_poses
 from warpvis.mujoco._scene import scene_from_mujoco
-from warpvis.rendering import Output, Renderer
+from warpvis.rendering import Renderer
+from warpvis.visibility import FractionMeter
 
 _MAX_RENDERERS = 64
 
@@ -68,7 +68,7 @@ class VisibilityChecker:
         self._model, self._data = model, data
         geoms = self._made.geoms_of_objects()
         self._bodies = np.where(geoms >= 0, model.geom_bodyid[geoms], -1).astype(np.int32)
-        self._renderers: dict[tuple[Camera, str], Renderer] = {}
+        self._renderers: dict[object, Any] = {}
 
     def check_visibility(
         self, camera_name: str | int | LookingCamera, *target_objects: str | int
@@ -85,17 +85,18 @@ class VisibilityChecker:
     def visible_fractions(
         self, camera_name: str | int | LookingCamera, *target_objects: str | int
     ) -> dict[str | int, float]:
-        """Return the visible share of each body's silhouette on a canvas of 3 W x 3 H, as `warpvis.object_visibility`.
+        """Return the visible share of each body's silhouette, as `warpvis.visible_fractions`.
 
         Arguments are those of `check_visibility`.
         """
-        members = self._members(target_objects)
-        visible = self._pixels(camera_name, members)
-        lens, pose = self._camera(camera_name)
-        width, height = self.width, self.height
-        wide = replace(lens, width=3 * width, height=3 * height, cx=lens.cx + width, cy=lens.cy + height)
-        silhouettes = np.array([np.isfinite(self._render(wide, pose, "depth", 1 - mine)).sum() for mine in members])
-        return dict(zip(target_objects, (visible / np.maximum(silhouettes, 1)).tolist(), strict=True))
+        groups = tuple(tuple(np.flatnonzero(mine).tolist()) for mine in self._members(target_objects))
+        camera, pose = self._camera(camera_name)
+        meter = self._cached(
+            (camera, groups),
+            lambda: FractionMeter(self._made.scene, camera, objects=groups, occluders=0, near_plane="clip"),
+        )
+        fractions = meter.measure(pose, object_poses=self._object_poses()).fraction.numpy()[0]
+        return dict(zip(target_objects, fractions.tolist(), strict=True))
 
     def get_visible_objects(self, camera_name: str | int | LookingCamera) -> list[str]:
         """Return the names of the bodies below the world that a camera sees, the largest in the image first."""
@@ -135,33 +136,31 @@ class VisibilityChecker:
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_renderers": {}}
 
-    def _members(self, bodies: Sequence[str | int]) -> NDArray[np.uint8]:
+    def _members(self, bodies: Sequence[str | int]) -> NDArray[np.bool_]:
         """Return whether each of the scene's objects is part of each body, ``(K, objects)``."""
         chosen = choose_bodies(self._model, list(bodies))
         return members_of_bodies(self._model, chosen, self._bodies, subtree=True)
 
-    def _shares(self, camera: Any, members: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def _shares(self, camera_name: Any, members: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the shares of the image that show bodies, ``(K,)``."""
-        return self._pixels(camera, members) / (self.width * self.height)
-
-    def _pixels(self, camera: Any, members: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Return the number of pixels that show bodies, ``(K,)``."""
-        shown = self._render(*self._camera(camera), "segmentation")
+        camera, pose = self._camera(camera_name)
+        renderer = self._cached(
+            camera, lambda: Renderer(self._made.scene, camera, outputs=("segmentation",), near_plane="clip")
+        )
+        shown = renderer.render(pose, object_poses=self._object_poses()).segmentation.numpy()
         pixels: NDArray[np.int64] = members @ np.bincount(shown[shown >= 0], minlength=members.shape[1])
-        return pixels
+        return pixels / (self.width * self.height)
 
-    def _render(
-        self, camera: Camera, pose: NDArray[np.floating], output: Output, excluded: NDArray[np.uint8] | None = None
-    ) -> NDArray[Any]:
-        """Return an image of all objects but for excluded ones."""
-        key = camera, output
+    def _object_poses(self) -> NDArray[np.float32] | None:
+        return geom_poses(self._data, self._made) if self._made.scene.movable else None
+
+    def _cached(self, key: object, make: Callable[[], Any]) -> Any:
+        """Return the renderer or meter of a key."""
         if key not in self._renderers:
             while len(self._renderers) >= _MAX_RENDERERS:
                 self._renderers.pop(next(iter(self._renderers)))
-            self._renderers[key] = Renderer(self._made.scene, camera, outputs=(output,), near_plane="clip")
-        poses = geom_poses(self._data, self._made) if self._made.scene.movable else None
-        exclude = None if excluded is None else excluded[None]
-        return getattr(self._renderers[key].render(pose, object_poses=poses, exclude=exclude), output).numpy()[0]
+            self._renderers[key] = make()
+        return self._renderers[key]
 
     def _camera(self, camera: Any) -> tuple[Camera, NDArray[np.floating]]:
         """Return a camera's intrinsics, and its pose, camera to world."""

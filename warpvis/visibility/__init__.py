@@ -14,6 +14,7 @@ from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
     BOP_DELTA,
     ObjectVisibility,
+    check_canvas as check_canvas,
     choose_objects as choose_objects,
     object_visibility as object_visibility,
     see_objects as see_objects,

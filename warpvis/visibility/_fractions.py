@@ -14,7 +14,7 @@ import warp as wp
 
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import aligned_zeros, check_out, empty
-from warpvis.core.checks import as_items, check_choice, check_whole
+from warpvis.core.checks import as_items, check_choice, check_flag, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder
@@ -101,6 +101,7 @@ class FractionMeter:
         min_samples: int = 256,
         occluders: int = 3,
         near_plane: NearPlane = "occlude",
+        cull_backfaces: bool = False,
         caster: CasterName = "auto",
         threads: int | None = None,
     ) -> None:
@@ -124,14 +125,15 @@ class FractionMeter:
         self._caster = choose_caster(caster, camera)
         self._targets = DeviceTargets()
         self._targets.first = wp.array(np.cumsum([0, *map(len, groups)]), dtype=wp.int32, device=self._device)
-        members = [index for group in groups for index in group]
+        self._members = members = [index for group in groups for index in group]
         self._targets.members = wp.array(members, dtype=wp.int32, device=self._device)
-        self._read_scene(scene.isolated())
+        self._read_scene()
         self._sampling = Sampling()
         canvas_struct, (left, top, right, bottom) = self._sampling.canvas, check_canvas(canvas, camera)
         canvas_struct.x0, canvas_struct.y0 = -left, -top
         canvas_struct.x1, canvas_struct.y1 = camera.width + right, camera.height + bottom
         self._sampling.min_samples = self._min_samples
+        self._sampling.cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         clips = check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip"
         self._device_camera = camera.device_struct(clip_near=clips)
         size = {"width": camera.width + left + right, "height": camera.height + top + bottom}
@@ -139,9 +141,12 @@ class FractionMeter:
         self._device_camera.clip_reach = on_canvas.clip_reach
         self._clips = self._device_camera.clip_reach > 0
 
-    def _read_scene(self, isolated: Scene) -> None:
-        """Prepare for the scene as it is, in which each object has a frame in `isolated`."""
-        self._isolated = isolated
+    def _read_scene(self) -> None:
+        """Prepare for the current objects, each of which has a frame in `isolated`."""
+        self._objects, self._isolated = self._scene.objects, self._scene.isolated()
+        isolated, objects = self._isolated, self._objects
+        # Only the shapes of targets are read from `isolated`.
+        self._deforms = any(objects[index].points is not None for index in self._members)
         self._frames = ObjectFrames(self._scene, isolated)
         boxes = isolated.bvh().struct.movable_boxes
         self._targets.boxes = boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
@@ -182,9 +187,8 @@ class FractionMeter:
         from warpvis.kernels.visibility.fractions import judge_fractions
 
         views, count, device = len(poses), len(self.names), self._device
-        isolated = self._scene.isolated()
-        if isolated is not self._isolated:  # the scene has changed
-            self._read_scene(isolated)
+        if self._deforms or self._scene.objects is not self._objects:
+            self._read_scene()
         result = self._allocate(shape or (views,)) if out is None else self._checked(out, shape or (views,))
         arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
         if len(shape) > 1:
@@ -287,6 +291,7 @@ class _Workspace:
         sampling: Any = meter._sampling
         write_fields(self._call, targets=meter._targets, camera=meter._device_camera, workers=shared)
         write_fields(self._call, canvas=sampling.canvas, min_samples=sampling.min_samples)
+        write_fields(self._call, cull_backfaces=sampling.cull_backfaces)
         write_fields(self._call, scene=meter._scene.bvh().struct, isolated=meter._isolated.bvh().struct)
         empty_counts = wp.zeros((1, 1, 1), dtype=wp.int32, device="cpu")
         self._launch = pack_launch(measure_fractions_packets, [self._call, empty_counts, empty_counts])
@@ -317,6 +322,7 @@ def visible_fractions(
     exclude: Excluded = None,
     object_scales: ObjectScales = None,
     near_plane: NearPlane = "occlude",
+    cull_backfaces: bool = False,
     convention: Convention = "opencv",
     quaternion: QuaternionOrder = "xyzw",
     caster: CasterName = "auto",
@@ -356,6 +362,7 @@ def visible_fractions(
         object_scales: As for `Renderer.render`.
         near_plane: As for `Renderer`. With ``"clip"``, surfaces nearer than the camera's `near` are not part of
             silhouettes, either.
+        cull_backfaces: As for `Renderer`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.
         caster: As for `Renderer`.
@@ -369,6 +376,7 @@ def visible_fractions(
         min_samples=min_samples,
         occluders=occluders,
         near_plane=near_plane,
+        cull_backfaces=cull_backfaces,
         caster=caster,
         threads=threads,
     )

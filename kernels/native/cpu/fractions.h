@@ -281,7 +281,8 @@ struct FractionLaunch : Launch {
     static inline void measure(const FractionCall& call, const Counts& counts, const HiddenBy& hidden_by) {
         const Scene scene = Scene::of(call.scene, call.worlds), isolated = Scene::of(call.isolated, call.spread_worlds);
         const FractionJob request = FractionJob::of(call, counts, hidden_by);
-        const Job job = Job::of_camera(call.camera, call.poses);
+        Job job = Job::of_camera(call.camera, call.poses);
+        job.cull_back_faces = call.cull_backfaces != 0;
         const int levels = call.scene.levels > call.isolated.levels ? call.scene.levels : call.isolated.levels;
         const int movables =
             scene.movables.count > isolated.movables.count ? scene.movables.count : isolated.movables.count;

@@ -225,7 +225,7 @@ struct Fractions {
                                WarpMemory& memory) {
         const View view = part.view();
         Camera camera = Packets::camera_of(view);
-        camera.skip_back_faces = camera.cull_back_faces = false;
+        camera.skip_back_faces = false, camera.cull_back_faces = view.cull_back_faces;
         Packet packet;
         packet.memory = &memory.pixels;
         packet.first_x = packet.first_y = 0;

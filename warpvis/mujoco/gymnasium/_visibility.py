@@ -22,7 +22,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch import BatchRenderer
 from warpvis.mujoco._batch_views import CameraChoice, choose_cameras
-from warpvis.mujoco._body_visibility import BodyVisibility, check_shaped, choose_bodies
+from warpvis.mujoco._body_visibility import BodyVisibility, choose_bodies, require_perspective
 from warpvis.mujoco._scene import Movable, check_patterns, shown_by
 from warpvis.mujoco.gymnasium._environments import add_entries, find_simulation, with_entries
 
@@ -46,7 +46,7 @@ class Seen(NamedTuple):
     def of(cls, found: BodyVisibility) -> Seen:
         """Copy the results of a single camera."""
         shaped = None if found.shaped is None else found.shaped.numpy()[:, 0].copy()
-        return cls(found.fraction.numpy()[:, 0].copy(), found.reason.numpy()[:, 0].copy(), shaped)
+        return cls(found.fraction.numpy()[:, 0].copy(), found.status.numpy()[:, 0].copy(), shaped)
 
     def rows(self, rows: slice) -> Seen:
         """Copy some worlds."""
@@ -115,8 +115,9 @@ def check_arguments(
     check_size(width, "width")
     check_size(height, "height")
     for chosen in choose_cameras(model, [camera], width, height):
-        check_shaped(chosen.intrinsics, shaped=shaped)
+        require_perspective(chosen.intrinsics)
     choose_bodies(model, bodies)
+    check_flag(shaped, "shaped")
     return {"bodies": list(bodies), "cameras": [camera], "shaped": shaped, "subtree": check_flag(subtree, "subtree")}
 
 
