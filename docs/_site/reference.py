@@ -62,7 +62,7 @@ WORDS = {
     "CameraChoice": "warpvis.mujoco._batch_views",
     "Movable": "warpvis.mujoco._scene",
     "Resizable": "warpvis.mujoco._world_models",
-    "Segmentation": "warpvis.mujoco.gymnasium._observation",
+    "Segmentation": "warpvis.mujoco.gymnasium._outputs",
     "Message": "warpvis.core.messages",
     "Stamp": "warpvis.core.messages",
 }

@@ -29,15 +29,8 @@ from warpvis.mujoco.gymnasium._environments import (
     view_draws,
     with_entries,
 )
-from warpvis.mujoco.gymnasium._observation import (
-    FRACTION,
-    SEGMENTATION,
-    Channels,
-    FractionCounter,
-    Outputs,
-    Segmentation,
-    shapes_of_objects,
-)
+from warpvis.mujoco.gymnasium._observation import FractionCounter, shapes_of_objects
+from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Channels, Outputs, Segmentation
 from warpvis.rendering import ColorOptions, DepthSensor, Fill
 
 FINAL = "final_obs"
