@@ -182,7 +182,12 @@ def _learning(folder):
     camera = wv.Camera.from_fov(64, 48, hfov=1.0, far=10)
     poses = _poses()
     renderer = wv.Renderer(_room(), camera, fill="far")
-    return {"renderer": renderer, "poses": poses, "torch": types.SimpleNamespace(from_dlpack=np.from_dlpack)}
+    arrays = types.SimpleNamespace(from_dlpack=np.from_dlpack)
+    arm = mujoco.MjModel.from_xml_string(_ARM)
+    state = mujoco.MjData(arm)
+    mujoco.mj_forward(arm, state)
+    mjx = {"mjx_model": types.SimpleNamespace(geom_rgba=arm.geom_rgba), "states": wv.mujoco.WorldPoses.of([state] * 2)}
+    return {"renderer": renderer, "poses": poses, "torch": arrays, "jnp": arrays, "arm": arm, **mjx}
 
 
 def _mujoco(folder):

@@ -165,6 +165,25 @@ def test_visibility_of_geoms_differs_between_worlds(device):
     assert np.array_equal(plain.segmentation.numpy()[0], before.segmentation.numpy()[0])
 
 
+def test_models_like_mjx_have_a_world_dimension_where_worlds_differ(device):
+    """In MJX's model, fields that worlds share have the shape of the `mujoco.MjModel`."""
+    (plain, data), worlds = task(), []
+    for name in ("case", "palm"):
+        model, _ = task()
+        model.geom(name).rgba[3] = 0
+        worlds.append((model, data))
+    shared = ("geom_dataid", "geom_matid", "mat_rgba", "geom_size", "cam_fovy", "cam_intrinsic", "body_pos")
+    given = {name: getattr(plain, name) for name in shared} | fields(worlds, ["geom_rgba"])
+    batch = batch_of(plain, device=device)
+    qpos = np.stack([data.qpos] * 2)
+    views = batch.render(qpos, cameras="front", model=SimpleNamespace(**given))
+    expected = batch.render(qpos, cameras="front", model=fields(worlds, ["geom_rgba"]))
+    assert np.array_equal(views.segmentation.numpy(), expected.segmentation.numpy())
+    assert not np.array_equal(views.segmentation.numpy()[0], views.segmentation.numpy()[1])
+    with pytest.raises(wv.WarpvisError, match="geom_size must be of 1 world or of 2, like the poses, got 12"):
+        batch.render(qpos, cameras="front", model={"geom_size": plain.geom_size})
+
+
 @pytest.mark.slow
 def test_mujoco_warp_model_provides_fields(device):
     mjwarp = pytest.importorskip("mujoco_warp", reason="the package mujoco_warp is not installed")

@@ -224,13 +224,13 @@ class BatchRenderer:
                 default.
             worlds: Indices of the worlds to render, or a mask, ``(W,)`` bool; all by default. Other worlds cost
                 nothing.
-            model: Model fields that differ between worlds: MuJoCo Warp's model, or a mapping of some of its arrays, of
-                shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` control visibility: geoms
-                that the model itself hides are not in the scene. The outputs `color` and `albedo` show these colors and
-                materials, `mat_emission`, the textures of `mat_texid`, and the lights of `light_active`, `light_type`,
-                `light_cutoff`, `light_exponent`, `light_attenuation`, `light_diffuse`, `light_ambient` and
-                `light_specular`; for them, `geom_matid` and `mat_texid` of several worlds must be in host memory.
-                Worlds share `light_castshadow`. `cam_fovy` needs one ray-casting call per field of
+            model: Model fields that differ between worlds: the model of MuJoCo Warp or MJX, or a mapping of some of its
+                arrays, of shape ``(W, ...)`` or ``(1, ...)``. `geom_rgba`, `geom_matid` and `mat_rgba` control
+                visibility: geoms that the model itself hides are not in the scene. The outputs `color` and `albedo`
+                show these colors and materials, `mat_emission`, the textures of `mat_texid`, and the lights of
+                `light_active`, `light_type`, `light_cutoff`, `light_exponent`, `light_attenuation`, `light_diffuse`,
+                `light_ambient` and `light_specular`; for them, `geom_matid` and `mat_texid` of several worlds must be
+                in host memory. Worlds share `light_castshadow`. `cam_fovy` needs one ray-casting call per field of
                 view: 256 different ones of 64x64 pixels take 2.6 to 4 times as long on 2 cores as a single one.
                 `body_pos`, `body_quat`, `geom_pos`, `geom_quat`, `cam_pos`, `cam_quat`, `light_pos` and `light_dir` are
                 used if `poses` are joint positions; other poses already include them. `geom_size` applies to

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Model fields that differ between worlds: arrays of MuJoCo Warp's model, with a leading dimension for worlds."""
+"""Model fields that differ between worlds: arrays of the models of MuJoCo Warp and MJX."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class WorldModels:
     """The arrays of a call that differ between worlds."""
 
     def __init__(self, model: mujoco.MjModel, source: object, worlds: int) -> None:
-        """Read a mapping of names to arrays, or an object with them as attributes, like MuJoCo Warp's model."""
+        """Read a mapping of names to arrays, or an object with them as attributes, as the models of Warp and MJX."""
         self._model, self._worlds = model, worlds
-        self._fields = _read(source)
+        self._fields = _read(source, model)
         for name in _SHARED_FIELDS:
             if name in self._fields:
                 self._check_shared(name)
@@ -200,8 +200,8 @@ class WorldModels:
             raise ArrayError(f"{name} must be of 1 world or of {self._worlds}, like the poses, got {value.shape[0]}")
 
 
-def _read(source: object) -> dict[str, Any]:
-    """Collect the arrays by name."""
+def _read(source: object, model: mujoco.MjModel) -> dict[str, Any]:
+    """Collect the arrays by name, with a leading dimension for worlds."""
     if isinstance(source, mujoco.MjModel):
         raise ArrayError("model must have arrays with a dimension for worlds, like MuJoCo Warp's model, got an MjModel")
     if isinstance(source, Mapping):
@@ -212,6 +212,10 @@ def _read(source: object) -> dict[str, Any]:
     found = {name: getattr(source, name) for name in _KNOWN + _SHARED_FIELDS + _SHARED_LOOKS if hasattr(source, name)}
     if not found:
         raise ArrayError(f"model must have attributes among {', '.join(_KNOWN)}, got {type(source).__name__}")
+    # In MJX's model, only fields that differ between worlds have a dimension for worlds.
+    for name, value in found.items():
+        if not isinstance(value, wp.array) and getattr(value, "shape", None) == getattr(model, name).shape:
+            found[name] = value[None]
     return found
 
 
