@@ -18,6 +18,7 @@ THEIRS = {
     "trimesh_ray": "# trimesh",
     "isaac_lab": "# Isaac Lab",
     "blenderproc": "# BlenderProc",
+    "bop": "# BOP toolkit",
     "molmospaces": "# MolmoSpaces",
     "webots": "# Webots",
 }
@@ -62,7 +63,7 @@ def test_other_tools_code_agrees(name, tmp_path, monkeypatch, capsys):
     run(name, tmp_path, capsys, theirs=True)
 
 
-@pytest.mark.parametrize("name", ["isaac_lab", "blenderproc", "webots"])
+@pytest.mark.parametrize("name", ["isaac_lab", "blenderproc", "bop", "webots"])
 def test_fences_that_are_not_run_are_marked(name):
     fences = [
         code for language, code in PYTHON_FENCE.findall((PAGES / f"{name}.md").read_text()) if language == "python"

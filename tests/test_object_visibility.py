@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Visible fractions of objects: BOP's definition in float64 NumPy, worlds, reasons, masks, and invalid input."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
@@ -56,6 +58,43 @@ def test_fractions_match_bop_reference(device, caster, delta):
             assert (result.masks.numpy()[view, index] != mask).sum() <= 1
             several.add(expected["status"])
     assert len(several) >= 3
+
+
+def test_counts_equal_those_of_the_toolkit_on_the_same_depth_images(device):
+    """Masks, counts, fractions and boxes by ``d_model - d_test <= delta`` on rendered images of both.
+
+    Source: `estimate_visib_mask_gt` of bop_toolkit_lib/visibility.py and scripts/calc_gt_info.py of BOP's toolkit.
+    """
+    scene, poses = desk(device), cameras()
+    camera = wv.Camera.from_fov(64, 48, hfov=1.0, near=0.0, far=np.inf)
+    canvas = dataclasses.replace(camera, width=192, height=144, cx=camera.cx + 64, cy=camera.cy + 48)
+    found = object_visibility(scene, camera, poses, delta=BOP_DELTA, masks=True)
+    length = np.linalg.norm(camera.rays, axis=-1)
+    test = wv.render(scene, camera, poses, outputs="depth").depth.numpy() * length
+    partial = 0
+    for index, name in enumerate(found.names):
+        others = [other for other in found.names if other != name]
+        model = wv.render(scene, canvas, poses, outputs="depth", exclude=others).depth.numpy()
+        whole, distance = np.isfinite(model), model[:, 48:96, 64:128] * length
+        with np.errstate(invalid="ignore"):
+            behind = distance - test
+        assert not (np.abs(behind - BOP_DELTA) < 1e-6).any()
+        visible = np.isfinite(distance) & (behind <= BOP_DELTA)
+        masks = found.masks.numpy()[:, index]
+        np.testing.assert_array_equal(masks == 2, visible)
+        np.testing.assert_array_equal(masks > 0, np.isfinite(distance))
+        counts = visible.sum(axis=(1, 2)), whole.sum(axis=(1, 2))
+        np.testing.assert_array_equal(found.visible_pixels.numpy()[:, index], counts[0])
+        np.testing.assert_array_equal(found.silhouette_pixels.numpy()[:, index], counts[1])
+        fractions = np.divide(*counts, out=np.zeros(len(poses)), where=counts[1] > 0)
+        np.testing.assert_allclose(found.fraction.numpy()[:, index], fractions, rtol=1e-6)
+        partial += ((fractions > 0.05) & (fractions < 0.95)).sum()
+        for view in np.flatnonzero(counts[0]):
+            for box, mask, shift in (("visible_box", visible, (0, 0)), ("silhouette_box", whole, (64, 48))):
+                y, x = np.nonzero(mask[view])
+                expected = [x.min() - shift[0], y.min() - shift[1], np.ptp(x) + 1, np.ptp(y) + 1]
+                assert getattr(found, box).numpy()[view, index].tolist() == expected
+    assert partial >= 5
 
 
 def test_delta_tolerates_surfaces_just_in_front(device):
