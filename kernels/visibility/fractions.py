@@ -359,6 +359,22 @@ def area_error(counts: wp.array3d[wp.int32], view: int, target: int, fraction: w
     return wp.min(float((visible_error + silhouette_error * fraction) / certain), 1.0)
 
 
+@wp.struct
+class FractionResults:
+    """The results of targets, as in `warpvis.visibility.ObjectFractions`, ``(view, target)``."""
+
+    fraction: wp.array2d[float]
+    error: wp.array2d[float]
+    image_share: wp.array2d[float]
+    status: wp.array2d[wp.uint8]
+    box: wp.array2d[wp.vec4i]
+    visible_pixels: wp.array2d[wp.int32]
+    silhouette_pixels: wp.array2d[wp.int32]
+    occluders: wp.array3d[wp.int32]
+    """(view, target, rank)."""
+    occluder_shares: wp.array3d[float]
+
+
 @wp.kernel
 def judge_fractions(
     # In:
@@ -366,15 +382,7 @@ def judge_fractions(
     hidden_by: wp.array3d[wp.int32],
     image_pixels: int,
     # Out:
-    fraction_out: wp.array2d[float],
-    error_out: wp.array2d[float],
-    image_share_out: wp.array2d[float],
-    status_out: wp.array2d[wp.uint8],
-    box_out: wp.array2d[wp.vec4i],
-    visible_pixels_out: wp.array2d[wp.int32],
-    silhouette_pixels_out: wp.array2d[wp.int32],
-    occluders_out: wp.array3d[wp.int32],
-    occluder_shares_out: wp.array3d[float],
+    results_out: FractionResults,
 ):
     """Derive fractions, their error bounds, reasons and the main occluders from the counters of targets."""
     view, target = wp.tid()
@@ -387,26 +395,26 @@ def judge_fractions(
     if across > 0:
         error = area_error(counts, view, target, fraction)
         samples = wp.float64(across * across) * wp.float64(image_pixels)
-        image_share_out[view, target] = float(wp.float64(visible) / samples)
+        results_out.image_share[view, target] = float(wp.float64(visible) / samples)
     else:
-        image_share_out[view, target] = 0.0
-    fraction_out[view, target] = float(fraction)
-    error_out[view, target] = error
-    status_out[view, target] = reason(visible, inside - visible - near - far, near, far, silhouette - inside, 1)
-    box_out[view, target] = box_of(counts, view, target, FRACTION_BOX)
-    visible_pixels_out[view, target] = counts[VISIBLE_CENTERS, view, target]
-    silhouette_pixels_out[view, target] = counts[SILHOUETTE_CENTERS, view, target]
+        results_out.image_share[view, target] = 0.0
+    results_out.fraction[view, target] = float(fraction)
+    results_out.error[view, target] = error
+    results_out.status[view, target] = reason(visible, inside - visible - near - far, near, far, silhouette - inside, 1)
+    results_out.box[view, target] = box_of(counts, view, target, FRACTION_BOX)
+    results_out.visible_pixels[view, target] = counts[VISIBLE_CENTERS, view, target]
+    results_out.silhouette_pixels[view, target] = counts[SILHOUETTE_CENTERS, view, target]
     bound, last = int(2147483647), int(-1)
-    for rank in range(occluders_out.shape[2]):
+    for rank in range(results_out.occluders.shape[2]):
         occluder, most = int(-1), int(0)
         for index in range(hidden_by.shape[2]):
             samples_hidden = hidden_by[view, target, index]
             is_next = samples_hidden < bound or (samples_hidden == bound and index > last)
             if is_next and samples_hidden > most:
                 occluder, most = index, samples_hidden
-        occluders_out[view, target, rank] = occluder
+        results_out.occluders[view, target, rank] = occluder
         share = float(0.0)
         if occluder >= 0:
             share = float(wp.float64(most) / wp.float64(silhouette))
-        occluder_shares_out[view, target, rank] = share
+        results_out.occluder_shares[view, target, rank] = share
         bound, last = most, occluder

@@ -106,7 +106,7 @@ class FractionMeter:
         threads: int | None = None,
     ) -> None:
         """Set up the meter; arguments as for `visible_fractions`."""
-        from warpvis.kernels.visibility.fractions import Sampling, Targets as DeviceTargets
+        from warpvis.kernels.visibility.fractions import FractionResults, Sampling, Targets as DeviceTargets
 
         require_scene(scene).require_objects()
         if not isinstance(camera, Camera):
@@ -128,7 +128,8 @@ class FractionMeter:
         self._members = members = [index for group in groups for index in group]
         self._targets.members = wp.array(members, dtype=wp.int32, device=self._device)
         self._read_scene()
-        self._sampling = Sampling()
+        self._sampling, self._results = Sampling(), FractionResults()
+        self._recorded: wp.Launch | None = None
         canvas_struct, (left, top, right, bottom) = self._sampling.canvas, check_canvas(canvas, camera)
         canvas_struct.x0, canvas_struct.y0 = -left, -top
         canvas_struct.x1, canvas_struct.y1 = camera.width + right, camera.height + bottom
@@ -184,8 +185,6 @@ class FractionMeter:
         self, poses: wp.array, worlds: Worlds, shape: tuple[int, ...] = (), out: ObjectFractions | None = None
     ) -> ObjectFractions:
         """Measure the targets at parsed poses in parsed worlds; results have a leading shape, by default ``(V,)``."""
-        from warpvis.kernels.visibility.fractions import judge_fractions
-
         views, count, device = len(poses), len(self.names), self._device
         if self._deforms or self._scene.objects is not self._objects:
             self._read_scene()
@@ -204,10 +203,24 @@ class FractionMeter:
             hidden_by = wp.zeros((size, count, len(self._scene)), dtype=wp.int32, device=device)
             part_worlds, part_spread = (worlds, spread) if whole else (part_of(worlds, part), part_of(spread, part))
             self._count(poses if whole else poses[part], part_worlds, part_spread, counts, hidden_by)
-            outs = arrays if whole else [array[part] for array in arrays]
-            inputs = [counts, hidden_by, self._camera.width * self._camera.height, *outs]
-            launch(judge_fractions, (size, count), inputs, device)
+            self._judge(counts, hidden_by, arrays if whole else [array[part] for array in arrays])
         return result
+
+    def _judge(self, counts: wp.array, hidden_by: wp.array, results: list[wp.array]) -> None:
+        """Write results, in the order of the fields of `FractionResults`, from the counters of views."""
+        from warpvis.kernels.visibility.fractions import judge_fractions
+
+        write_fields(self._results, **dict(zip((*_RESULTS, "occluders", "occluder_shares"), results, strict=True)))
+        inputs = [counts, hidden_by, self._camera.width * self._camera.height, self._results]
+        if not self._device.is_cpu:
+            launch(judge_fractions, counts.shape[1:], inputs, self._device)
+            return
+        if self._recorded is None:
+            self._recorded = pack_launch(judge_fractions, inputs)
+        self._recorded.set_dim(counts.shape[1:])
+        self._recorded.set_param_at_index(0, counts)
+        self._recorded.set_param_at_index(1, hidden_by)
+        self._recorded.launch()
 
     def _layout(self, shape: tuple[int, ...]) -> dict[str, tuple[tuple[int, ...], type]]:
         """Return the shape and the dtype of each result of views of a shape."""
