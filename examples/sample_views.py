@@ -51,7 +51,9 @@ views = sample_views(scene, camera, half_hidden, shell, count=3, seed=0, object_
 print(f"{views.tries} cameras tried, {views.accepted} accepted, {views.refined} of them refined")
 
 poses = np.concatenate([robot.poses, person.poses, views.poses])
-images = wv.render(scene, camera, poses, outputs="color", samples=4, object_poses=world, world_index=[0] * len(poses))
+moved = {"object_poses": world, "world_index": [0] * len(poses)}
+images = wv.render(scene, camera, poses, outputs="color", samples=4, **moved)
+seen = wv.visible_fractions(scene, camera, poses, objects=["mug"], **moved)
 figure, axes = plt.subplots(2, 3, figsize=(9, 4.7), layout="constrained")
 plan = axes[0, 0]
 for name, (size, (x, y), color) in {"table": ((0.9, 1.5), (0, 0), (0.85, 0.78, 0.7)), **SIZES}.items():
@@ -62,10 +64,12 @@ for agent, marker in ((robot, ">"), (person, "<")):
     plan.annotate(agent.name, agent.poses[0, :2], (0, 6), textcoords="offset points", ha="center", fontsize=8)
 plan.set_aspect("equal")
 plan.set_title(f"{len(placed.object_poses)} places of the mug", fontsize=9)
-titles = ["the robot does not see it", "the person sees it", *[f"camera {i}: half hidden" for i in (1, 2, 3)]]
-for axis, title, image in zip(axes.flat[1:], titles, images.color.numpy(), strict=True):
+names = ["robot", "person", "camera 1", "camera 2", "camera 3"]
+for axis, name, image, fraction in zip(
+    axes.flat[1:], names, images.color.numpy(), seen.fraction.numpy()[:, 0], strict=True
+):
     axis.imshow(image)
-    axis.set_title(title, fontsize=9)
+    axis.set_title(f"{name}: {fraction:.0%} of the mug", fontsize=9)
 for axis in axes.flat:
     axis.set_axis_off()
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "sample_views.png", dpi=100)
