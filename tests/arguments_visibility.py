@@ -14,6 +14,9 @@ def visibility_cases():
     options = {"objects": {"both": ["box", "cart"]}, "canvas": (1, 1, 1, 1), "min_samples": 4, "occluders": 2}
     options |= {"near_plane": "clip", "caster": "auto", "threads": 1}
     meter = wv.visibility.FractionMeter(seen, CAMERA, objects=["box"])
+    margins = {"objects": ["box", "cart"], "reach": 4.0, "min_samples": 4, "near_plane": "clip", "threads": 1}
+    margins |= {"cull_backfaces": False, "caster": "auto"}
+    margin_meter = wv.visibility.MarginMeter(seen, CAMERA, objects=["box"])
     data = mujoco.MjData(MODEL)
     mujoco.mj_forward(MODEL, data)
     checker = wv.mujoco.VisibilityChecker(MODEL, data, width=8, height=6)
@@ -42,6 +45,19 @@ def visibility_cases():
         "FractionMeter.measure": (
             meter.measure,
             {"camera_to_world": POSE, **WORLDS, **SCALES, "convention": "opencv", "quaternion": "xyzw", "out": None},
+        ),
+        "visibility_margins": (
+            wv.visibility.visibility_margins,
+            {"scene": seen, **VIEW, **WORLDS, **SCALES, **margins},
+        ),
+        "MarginMeter": (wv.visibility.MarginMeter, {"scene": seen, "camera": CAMERA, **margins}),
+        "MarginMeter.measure": (
+            margin_meter.measure,
+            {"camera_to_world": POSE, **WORLDS, **SCALES, "convention": "opencv", "quaternion": "xyzw"},
+        ),
+        "point_margins": (
+            wv.visibility.point_margins,
+            {"scene": seen, **VIEW, "points": [[0, 0, 1]], **WORLDS, **SCALES, "reach": 4.0, "tolerance": 0.01},
         ),
         "DepthWatcher": (
             wv.visibility.DepthWatcher,

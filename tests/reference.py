@@ -89,6 +89,7 @@ from reference_layers import (  # noqa: F401
     list_transparent_rows,
 )
 from reference_lines import hide_pixels, judge_lines, judge_unknown, render_map  # noqa: F401
+from reference_margins import bound_depth_tiles, judge_margins, measure_margins, measure_point_margins  # noqa: F401
 from reference_mirrors import (  # noqa: F401
     add_mirror_image,
     cast_beyond_mirror,

@@ -97,6 +97,7 @@ RESULTS = {
     "VoxelMap",
     "WebotsWorld",
     "WorldPoses",
+    "VisibilityMargins",
 }
 
 # Drawing is slow: only some of the bad values are used.
@@ -150,7 +151,9 @@ OURS = {
     "BoxRegion.place",
     "ShellRegion.place",
     "Scene.use_labels",
+    "FractionMeter.follow_scene",
     "FractionMeter.measure_parsed",
+    "MarginMeter.measure_parsed",
     "Renderer.render_parsed",
     "register_output",  # changes the table of all tests; `test_plugins` tests bad arguments
     "DepthSensor.check",
@@ -223,7 +226,7 @@ NAMES = (
     "Agent agent_ Camera Field Floor Frames Label Perspective Renderer Scene Voxel back_ classify floor_ look_ object_ "
     "persp point_ read_frames render voxel Frame verify warmup load_ read_po read_model save_ Sphere plan_ Batch "
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
-    "Constraint check_ Box Shell Support sample_ visible_ Fraction Visibility "
+    "Constraint check_ Box Shell Support sample_ visible_ Fraction Visibility visibility_ Margin "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "place_ Placement unknown_ Measured Occupancy read_tracks Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "

@@ -78,6 +78,8 @@ class Sample:
     """Depth of the target [m]."""
     occluder: int
     """The object that hides it; -1 if none does."""
+    occluder_depth: float
+    """Depth of that object [m]."""
 
 
 @wp.func
@@ -155,6 +157,56 @@ def is_member(targets: Targets, target: int, index: int) -> bool:
 
 
 @wp.func
+def sample_ray(camera: PinholeCamera, across: int, y: int, x: int) -> wp.vec3d:
+    """Return the camera-frame direction through a sample with z = 1."""
+    half, scale = wp.float64(0.5), wp.float64(across)
+    return wp.vec3d(
+        ((wp.float64(x) + half) / scale - camera.cx) / camera.fx,
+        ((wp.float64(y) + half) / scale - camera.cy) / camera.fy,
+        wp.float64(1.0),
+    )
+
+
+@wp.func
+def unlimited_range(camera: PinholeCamera) -> RayRange:
+    """Return the range of rays that meet all surfaces, but for those that the near plane cuts away."""
+    range_of_rays = RayRange()
+    range_of_rays.far = wp.inf
+    range_of_rays.clip = clip_depth(camera)
+    range_of_rays.is_planar = True
+    return range_of_rays
+
+
+@wp.func
+def meet_target(
+    isolated: TriangleScene,
+    targets: Targets,
+    camera: PinholeCamera,
+    cull_backfaces: bool,
+    in_world: Frame,
+    spread_worlds: Worlds,
+    view: int,
+    target: int,
+    ray: wp.vec3d,
+) -> float:
+    """Return the depth of a target's nearest surface along a ray, ignoring other objects; +inf for a miss."""
+    world = world_of(spread_worlds, view)
+    range_of_rays = unlimited_range(camera)
+    own = no_hit()
+    own.depth = float(FARTHEST)
+    for i in range(targets.first[target], targets.first[target + 1]):
+        index = targets.members[i]
+        frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, index))
+        own = meet_object(
+            isolated, spread_worlds, world, view, index, frame, ray, range_of_rays.clip, cull_backfaces, own
+        )
+    if own.face < 0:
+        return wp.inf
+    frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, own.movable))
+    return measure(isolated, spread_worlds, world, frame, range_of_rays, ray, own).depth
+
+
+@wp.func
 def examine(
     scene: TriangleScene,
     isolated: TriangleScene,
@@ -171,43 +223,25 @@ def examine(
     x: int,
 ) -> Sample:
     """Return what a sample shows of a target: its nearest surface, and whether another object is in front of it."""
-    half, scale = wp.float64(0.5), wp.float64(across)
-    ray = wp.vec3d(
-        ((wp.float64(x) + half) / scale - camera.cx) / camera.fx,
-        ((wp.float64(y) + half) / scale - camera.cy) / camera.fy,
-        wp.float64(1.0),
-    )
+    ray = sample_ray(camera, across, y, x)
     sample = Sample()
     sample.occluder = -1
-    world = world_of(spread_worlds, view)
-    range_of_rays = RayRange()
-    range_of_rays.far = wp.inf
-    range_of_rays.clip = clip_depth(camera)
-    range_of_rays.is_planar = True
-    own = no_hit()
-    own.depth = float(FARTHEST)
-    for i in range(targets.first[target], targets.first[target + 1]):
-        index = targets.members[i]
-        frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, index))
-        own = meet_object(
-            isolated, spread_worlds, world, view, index, frame, ray, range_of_rays.clip, cull_backfaces, own
-        )
-    if own.face < 0:
+    depth = meet_target(isolated, targets, camera, cull_backfaces, in_world, spread_worlds, view, target, ray)
+    if not wp.isfinite(depth):
         return sample
-    frame = seen_from(in_world, object_frame(isolated, spread_worlds, world, own.movable))
-    depth = measure(isolated, spread_worlds, world, frame, range_of_rays, ray, own).depth
     sample.state = HIDDEN
     sample.depth = depth
     sample.is_in_image = x >= 0 and y >= 0 and x < int(camera.width) * across and y < int(camera.height) * across
     if not sample.is_in_image or depth < camera.near or depth > camera.far:
         return sample
-    hit = trace_ray(scene, range_of_rays, in_world, worlds, worlds, view, ray, cull_backfaces)
+    hit = trace_ray(scene, unlimited_range(camera), in_world, worlds, worlds, view, ray, cull_backfaces)
     if hit.face >= 0:
         shown = object_of(scene, hit.movable, hit.face)
         if hit.round:
             shown = scene.movable_object[hit.movable]
         if hit.depth < depth and not is_member(targets, target, shown):
             sample.occluder = shown
+            sample.occluder_depth = hit.depth
             return sample
     sample.state = VISIBLE
     return sample

@@ -34,6 +34,24 @@ def desk(device="cpu"):
     return scene
 
 
+def room(seed, count=8, device="cpu"):
+    """Return a floor with objects at random places, half of them movable."""
+    rng, scene = np.random.default_rng(seed), wv.Scene(device=device)
+    scene.add(trimesh.creation.box((4, 4, 0.1)), name="floor", pose=(0, 0, -0.05, 0, 0, 0, 1))
+    for number in range(count):
+        turn = rng.normal(size=4)
+        kind = number % 4
+        shape = (
+            trimesh.creation.box(rng.uniform(0.1, 0.6, 3)),
+            trimesh.creation.icosphere(1, rng.uniform(0.05, 0.3)),
+            trimesh.creation.cylinder(rng.uniform(0.05, 0.2), rng.uniform(0.1, 0.6), sections=12),
+            wv.scene.solids.sphere(rng.uniform(0.05, 0.3)),
+        )[kind]
+        place = (*rng.uniform(-1, 1, 2), rng.uniform(0.1, 0.8), *(turn / np.linalg.norm(turn)))
+        scene.add(shape, name=f"thing {number}", movable=kind == 3 or number % 2 == 0, pose=place)
+    return scene, rng
+
+
 def cameras():
     places = [
         ((-2, 0, 1.0), (1, 0, 0.3)),

@@ -9,6 +9,7 @@ from warpvis.visibility._candidates import Candidate, State, choose_likeliest as
 from warpvis.visibility._eyes import MAX_EYE_ANGLE as MAX_EYE_ANGLE, Eyes as Eyes
 from warpvis.visibility._fractions import FractionMeter, ObjectFractions, visible_fractions as visible_fractions
 from warpvis.visibility._line_of_sight import LineOfSight, cast_ray as cast_ray, line_of_sight
+from warpvis.visibility._margins import MarginMeter, VisibilityMargins, point_margins, visibility_margins
 from warpvis.visibility._measured_space import MeasuredSpace
 from warpvis.visibility._measurement import perspective as perspective
 from warpvis.visibility._objects import (
@@ -40,12 +41,16 @@ __all__ = [
     "DepthWatcher",
     "FractionMeter",
     "LineOfSight",
+    "MarginMeter",
     "MeasuredSpace",
     "ObjectFractions",
     "ObjectVisibility",
     "ReferenceModel",
     "Sight",
     "State",
+    "VisibilityMargins",
     "Watched",
     "line_of_sight",
+    "point_margins",
+    "visibility_margins",
 ]

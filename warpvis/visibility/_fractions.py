@@ -153,6 +153,11 @@ class FractionMeter:
         self._targets.boxes = boxes.reshape((-1, 3)).view(wp.vec3).reshape((-1, 2))
         self._workspaces: dict[int, _Workspace] = {}
 
+    def follow_scene(self) -> None:
+        """Prepare again if the scene has changed."""
+        if self._deforms or self._scene.objects is not self._objects:
+            self._read_scene()
+
     def measure(
         self,
         camera_to_world: PoseLike,
@@ -186,8 +191,7 @@ class FractionMeter:
     ) -> ObjectFractions:
         """Measure the targets at parsed poses in parsed worlds; results have a leading shape, by default ``(V,)``."""
         views, count, device = len(poses), len(self.names), self._device
-        if self._deforms or self._scene.objects is not self._objects:
-            self._read_scene()
+        self.follow_scene()
         result = self._allocate(shape or (views,)) if out is None else self._checked(out, shape or (views,))
         arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
         if len(shape) > 1:
