@@ -30,7 +30,7 @@ def agrees(found, expected, tolerance=2e-5):
     """Return whether a margin has the expected distance, and the values of one of the deciding pairs."""
     if not np.isclose(found["pixels"], expected.pixels, rtol=0, atol=tolerance, equal_nan=True):
         return False
-    error = tolerance / max(abs(expected.pixels), 0.1)
+    error = tolerance / max(0.1, abs(expected.pixels))
     pairs = np.isclose(found["degrees"], expected.degrees, rtol=error + 2e-5, atol=1e-6, equal_nan=True)
     pairs &= np.isclose(found["meters"], expected.meters, rtol=error + 2e-4, atol=1e-6, equal_nan=True)
     return (pairs & (found["blocker"] == expected.blocker)).any()
@@ -281,7 +281,10 @@ def test_meters_follow_changes_of_the_scene(device):
 def test_no_views_and_no_points(device):
     scene = desk(device)
     assert visibility_margins(scene, CAMERA, np.empty((0, 7))).pixels.shape == (0, len(scene))
-    assert point_margins(scene, CAMERA, cameras(), np.empty((0, 3), dtype=np.float32)).meters.shape == (4, 0)
+    nowhere, in_worlds = np.empty((0, 3), dtype=np.float32), cameras().reshape(2, 2, 7)
+    assert point_margins(scene, CAMERA, cameras(), nowhere).meters.numpy().shape == (4, 0)
+    assert point_margins(scene, CAMERA, in_worlds, nowhere).blocker.numpy().shape == (2, 2, 0)
+    assert visibility_margins(scene, CAMERA, np.empty((0, 2, 7))).degrees.numpy().shape == (0, 2, len(scene))
 
 
 def test_cuda_graphs_replay_with_new_poses(cuda):

@@ -202,10 +202,11 @@ def _allocate(views: int, count: int, device: wp.Device) -> tuple[wp.array, wp.a
 def _as_margins(
     names: tuple[str, ...], results: wp.array, blockers: wp.array, shape: tuple[int, ...]
 ) -> VisibilityMargins:
-    views, count = blockers.shape
-    arrays = [*(results[row, :views, :count] for row in range(3)), blockers]
-    if len(shape) > 1:
-        arrays = [array.reshape((*shape, count)) for array in arrays]
+    if blockers.size:
+        rows = [results[row] for row in range(3)]
+    else:
+        rows = [wp.empty(blockers.shape, dtype=wp.float32, device=results.device)] * 3
+    arrays = [array.reshape((*shape, blockers.shape[1])) for array in (*rows, blockers)]
     pixels, degrees, meters, blocker = arrays
     return VisibilityMargins(names, pixels, degrees, meters, blocker)
 
