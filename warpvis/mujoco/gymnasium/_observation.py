@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Unpack
 
 import gymnasium as gym
@@ -14,19 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.image_cameras import PlanarCamera
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.arrays import get_device
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
 from warpvis.mujoco._batch_views import CameraChoice
+from warpvis.mujoco._body_visibility import require_perspective
 from warpvis.mujoco._renderer import Renderer as MujocoRenderer
 from warpvis.mujoco._scene import shown_by
 from warpvis.mujoco.gymnasium._environments import Draws, add_entries, find_simulation, view_draws, with_entries
 from warpvis.mujoco.gymnasium._outputs import COLOR, DEPTH, FRACTION, SEGMENTATION, Channels, Outputs, Segmentation
-from warpvis.rendering import ColorOptions, DepthSensor, Fill, Renderer, check_colors
+from warpvis.rendering import ColorOptions, DepthSensor, Fill, check_colors
 from warpvis.scene import Scene
+from warpvis.visibility import FractionMeter
 
 _MAX_CAMERAS = 64
-_PART_BYTES = 1 << 26  # size of images rendered per batch
 
 
 class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
@@ -39,8 +40,8 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
     - ``"depth"``: planar depth [m], ``(height, width)`` float32.
     - ``"rgbd"``: colors and depth as four channels of uint8, where 0 to 255 are the ends of `depth_range`.
     - ``"segmentation"``: numbers of geoms, bodies or classes, -1 for none, ``(height, width)`` int32.
-    - ``"visible_fraction"``: visible pixels of each of `objects`, relative to those of the isolated object on a canvas
-      three times as wide and high as the image, ``(objects,)`` float32.
+    - ``"visible_fraction"``: visible share of the silhouette of each of `objects`, as `warpvis.visible_fractions`,
+      ``(objects,)`` float32.
 
     They show the environment's current `data`, like its `render`, and follow changes of its `model`. With several
     cameras, arrays have a leading axis for cameras, like channels in PyTorch.
@@ -194,7 +195,7 @@ class ImageRenderer(MujocoRenderer):
             members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
             if self._fractions is None or self._fractions.scene is not stage.scene:
                 self._fractions = FractionCounter(stage.scene, self._threads)
-            entries[FRACTION] = self._fractions.count(camera, segmentation[None], members, eye, places, hidden)[0]
+            entries[FRACTION] = self._fractions.count(camera, members, eye, places, hidden)[0]
         return entries
 
 
@@ -205,31 +206,15 @@ def shapes_of_objects(shapes: ArrayLike, scene: Scene) -> NDArray[np.int32]:
 
 
 class FractionCounter:
-    """Computes visible fractions of objects of several geoms with overlapping silhouettes.
-
-    `warpvis.object_visibility` does so for single objects. As there, the canvas of silhouettes is three times as wide
-    and high as the image.
-    """
+    """Computes visible fractions of named objects, which may be of several geoms."""
 
     def __init__(self, scene: Scene, threads: int | None) -> None:
         self.scene, self._threads = scene, threads
-        self._renderers: dict[PlanarCamera, Renderer] = {}
-
-    def _renderer(self, camera: PlanarCamera) -> Renderer:
-        """Return the renderer of silhouettes for the camera of the images."""
-        if camera not in self._renderers:
-            if len(self._renderers) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
-                self._renderers.clear()
-            width, height = camera.width, camera.height
-            canvas = replace(camera, width=3 * width, height=3 * height, cx=camera.cx + width, cy=camera.cy + height)
-            options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
-            self._renderers[camera] = Renderer(self.scene, canvas, outputs=("segmentation",), **options)
-        return self._renderers[camera]
+        self._meters: dict[Any, FractionMeter] = {}
 
     def count(
         self,
         camera: PlanarCamera,
-        segmentation: NDArray[np.int32],
         members: NDArray[np.bool_],
         eyes: NDArray[np.float32],
         object_poses: NDArray[np.float32] | None,
@@ -239,27 +224,26 @@ class FractionCounter:
 
         Args:
             camera: The camera of the images.
-            segmentation: Indices of the scene's objects, or -1, shape ``(V, H, W)``.
             members: Whether each of the scene's objects is part of a named object, shape ``(K, objects)``.
             eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
             object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
             hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
         """
-        is_member = np.append(members, np.zeros((len(members), 1), dtype=bool), axis=1)
-        visible = np.stack([mine[segmentation].sum(axis=(1, 2)) for mine in is_member], axis=1)
-        isolated = np.zeros_like(visible)
-        views, names = np.nonzero(visible)
-        renderer = self._renderer(camera)
-        step = max(1, _PART_BYTES // (4 * renderer.camera.width * renderer.camera.height))
-        for first in range(0, len(views), step):
-            batch, mine = views[first : first + step], names[first : first + step]
-            seen = renderer.render(
-                eyes[batch],
-                object_poses=None if object_poses is None else object_poses[batch],
-                exclude=(hidden[batch] | ~members[mine]).astype(np.uint8),
+        fractions = np.zeros((len(eyes), len(members)), dtype=np.float32)
+        shown = np.flatnonzero(members.any(axis=1))
+        if len(shown):
+            groups = tuple(tuple(np.flatnonzero(mine).tolist()) for mine in members[shown])
+            found = self._meter(require_perspective(camera), groups).measure(
+                eyes, object_poses=object_poses, exclude=hidden.astype(np.uint8)
             )
-            assert seen.segmentation is not None
-            isolated[batch, mine] = (seen.segmentation.numpy() >= 0).sum(axis=(1, 2))
-        # Pixel coordinates of the canvas differ, so that rounding may lose a pixel at an edge.
-        total = np.maximum(isolated, visible)
-        return np.divide(visible, total, out=np.zeros(visible.shape, dtype=np.float32), where=total > 0)
+            fractions[:, shown] = found.fraction.numpy()
+        return fractions
+
+    def _meter(self, camera: Camera, groups: tuple[tuple[int, ...], ...]) -> FractionMeter:
+        key = camera, groups
+        if key not in self._meters:
+            if len(self._meters) >= _MAX_CAMERAS:  # bounds the memory if the field of view keeps changing
+                self._meters.clear()
+            options: dict[str, Any] = {"near_plane": "clip", "cull_backfaces": True, "threads": self._threads}
+            self._meters[key] = FractionMeter(self.scene, camera, objects=groups, occluders=0, **options)
+        return self._meters[key]

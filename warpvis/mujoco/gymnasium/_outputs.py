@@ -18,6 +18,7 @@ from warpvis.core.checks import as_items, check_choice, check_number
 from warpvis.core.outputs import SENSOR_NAMES
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.mujoco._batch_views import CameraChoice
+from warpvis.mujoco._body_visibility import require_perspective
 from warpvis.mujoco._cameras import camera_from_mujoco
 from warpvis.mujoco._model_fields import shape_bodies, shape_count
 from warpvis.mujoco._scene import check_patterns, class_of_geoms
@@ -76,6 +77,8 @@ class Outputs:
         self._channels = check_choice(channels, "channels", get_args(Channels))
         self._range = _check_range(model, depth_range)
         seen = [camera_from_mujoco(model, choice, width, height) for choice in self.cameras]
+        for lens in seen if len(self.members) else ():
+            require_perspective(lens)
         self.fill, size = fill, (*self._axes, *self.shape)
         bounds: dict[str, tuple[Any, Any, type]] = {
             RGB: (0, 255, np.uint8),

@@ -142,14 +142,13 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         }
         if len(outputs.members):
             members = outputs.members_of(of_object[:-1])
-            fractions = self._count(poses, segmentation, members, of_object[:-1], changes)
+            fractions = self._count(poses, members, of_object[:-1], changes)
             entries[FRACTION] = fractions.reshape(*shape[:2], -1)
         return outputs.entries(entries, axis=1)
 
     def _count(
         self,
         poses: WorldPoses,
-        segmentation: NDArray[np.int32],
         members: NDArray[np.bool_],
         shapes: NDArray[np.int32],
         changes: dict[str, np.ndarray],
@@ -170,7 +169,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             rows = views % len(worlds)
             fractions[views] = self._fractions.count(
                 camera,
-                segmentation[views],
                 members,
                 eyes[views],
                 places[rows] if places.size else None,
