@@ -185,6 +185,12 @@ def test_cameras_in_worlds_are_views_of_their_world(device):
     # One arrangement of the objects for all rows of cameras.
     same = meter.measure(eyes, object_poses=objects[0]).fraction.numpy()
     assert np.array_equal(same[2], meter.measure(eyes[2], object_poses=objects[0]).fraction.numpy())
+    flags = rng.random((3, 2, len(scene))) < 0.3
+    excluded = values(meter.measure(eyes, object_poses=objects, exclude=flags))["fraction"].reshape(6, -1)
+    by_row = meter.measure(eyes.reshape(-1, 7), exclude=flags.reshape(6, -1), **by_view)
+    assert np.array_equal(excluded, by_row.fraction.numpy()) and not np.array_equal(excluded, expected["fraction"])
+    with pytest.raises(WarpvisError, match=r"flags of shape \(6, \d\) or \(1, \d\), got shape \(2, 3, \d\)"):
+        meter.measure(eyes, object_poses=objects, exclude=flags.reshape(2, 3, -1))
     with pytest.raises(WarpvisError, match="world_index must be None if camera_to_world has poses for each world"):
         meter.measure(eyes, **by_view)
     with pytest.raises(WarpvisError, match=r"poses for each of the 3 worlds of object_poses, .* got those of 2"):
@@ -265,6 +271,8 @@ def test_results_do_not_depend_on_threads_and_batches(monkeypatch):
 
     monkeypatch.setattr(_fractions, "_CPU_BYTES", 20000)
     batches = values(wv.visible_fractions(scene, camera, poses, threads=2))
+    without = wv.visible_fractions(scene, camera, poses, occluders=0)
+    assert np.array_equal(without.fraction.numpy(), expected["fraction"])
     for name, array in expected.items():
         assert np.array_equal(array, several[name]) and np.array_equal(array, batches[name]), name
 

@@ -204,6 +204,9 @@ def aligned_zeros(shape: tuple[int, ...], dtype: type) -> wp.array:
 def take_rows(array: wp.array, rows: slice | NDArray[np.integer]) -> wp.array:
     """Return rows of an array: a view for a slice, a copy for indices."""
     if isinstance(rows, slice):
+        if not array.size:  # Warp cannot slice an empty array
+            shape = (len(range(*rows.indices(array.shape[0]))), *array.shape[1:])
+            return wp.empty(shape, dtype=array.dtype, device=array.device)
         return array[rows]
     if array.device.is_cpu:  # copies row by row; Warp would copy element by element
         return wp.array(array.numpy()[rows], dtype=array.dtype, device=array.device)

@@ -252,13 +252,16 @@ def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
         flags[0, [_index(scene, item) for item in exclude]] = 1
         return wp.array(flags, dtype=wp.uint8, device=scene.device)
     if on_gpu(exclude):
-        return as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
-    flags = as_numpy(exclude, name="exclude")
+        flags = as_warp(exclude, wp.uint8, ("V", count), name="exclude", device=scene.device)
+    else:
+        flags = as_numpy(exclude, name="exclude")
     if flags.shape not in ((views, count), (1, count)):
         raise ArrayError(
             f"exclude must be names or indices of objects, or flags of shape ({views}, {count}) or (1, {count}), "
             f"got shape {flags.shape}"
         )
+    if isinstance(flags, wp.array):
+        return flags
     return wp.array((flags != 0).astype(np.uint8), dtype=wp.uint8, device=scene.device)
 
 

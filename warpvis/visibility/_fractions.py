@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.arrays import aligned_zeros, check_out, empty
+from warpvis.core.arrays import aligned_zeros, check_out, empty, take_rows
 from warpvis.core.checks import as_items, check_choice, check_flag, check_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.core.pose_order import warn_of_order
@@ -207,7 +207,7 @@ class FractionMeter:
             hidden_by = wp.zeros((size, count, len(self._scene)), dtype=wp.int32, device=device)
             part_worlds, part_spread = (worlds, spread) if whole else (part_of(worlds, part), part_of(spread, part))
             self._count(poses if whole else poses[part], part_worlds, part_spread, counts, hidden_by)
-            self._judge(counts, hidden_by, arrays if whole else [array[part] for array in arrays])
+            self._judge(counts, hidden_by, arrays if whole else [take_rows(array, part) for array in arrays])
         return result
 
     def _judge(self, counts: wp.array, hidden_by: wp.array, results: list[wp.array]) -> None:
@@ -375,7 +375,8 @@ def visible_fractions(
         occluders: Number T of occluders to return for each target.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
-        exclude: As for `Renderer.render`. An object has no samples in views that exclude it.
+        exclude: As for `Renderer.render`; flags of views ``(W, M)`` may also be ``(W, M, objects)``. An object has no
+            samples in views that exclude it.
         object_scales: As for `Renderer.render`.
         near_plane: As for `Renderer`. With ``"clip"``, surfaces nearer than the camera's `near` are not part of
             silhouettes, either.

@@ -255,7 +255,7 @@ def visibility_margins(
         min_samples: As for `visible_fractions`.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
-        exclude: As for `Renderer.render`.
+        exclude: As for `visible_fractions`.
         object_scales: As for `Renderer.render`.
         near_plane: As for `visible_fractions`.
         cull_backfaces: As for `Renderer`.
@@ -314,7 +314,7 @@ def point_margins(
         tolerance: As for `point_visibility` [m].
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
-        exclude: As for `Renderer.render`.
+        exclude: As for `visible_fractions`.
         object_scales: As for `Renderer.render`.
         convention: Axes of the camera frame of the poses.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``.

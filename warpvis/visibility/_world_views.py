@@ -47,6 +47,8 @@ def parse_world_views(
 ) -> WorldViews:
     """Parse arguments as for `Renderer.render`, where poses may have the leading shape (W, M) instead of (V,).
 
+    With such poses, so may flags of excluded objects.
+
     Raises:
         ArrayError: If poses are for each world, and `world_index` is given, or objects have other numbers of worlds.
     """
@@ -56,7 +58,9 @@ def parse_world_views(
     if shape is not None:
         if world_index is not None:
             raise ArrayError("world_index must be None if camera_to_world has poses for each world, (W, M, ...)")
-        given, world_index = _flatten(given), _index(shape, object_poses, object_scales)
+        given, world_index = _flatten(given, "camera_to_world"), _index(shape, object_poses, object_scales)
+        if _shape(exclude)[:-1] == shape:
+            exclude = _flatten(exclude, "exclude")
     poses = parse_poses(given, convention=convention, device=scene.device)
     worlds = parse_worlds(scene, len(poses), object_poses, world_index, exclude, object_scales)
     return WorldViews(given, poses, worlds, shape or (len(poses),))
@@ -82,14 +86,12 @@ def _shape(rows: ArrayInput) -> tuple[int, ...]:
         return ()
 
 
-def _flatten(poses: PoseLike) -> PoseLike:
+def _flatten(rows: ArrayInput, name: str) -> ArrayInput:
     """Merge the first two axes."""
-    if on_gpu(poses) and not isinstance(poses, wp.array):
-        poses = from_foreign(poses, "camera_to_world")
-    if isinstance(poses, wp.array):
-        return poses.contiguous().reshape((-1, *poses.shape[2:]))
-    rows = as_numpy(poses, name="camera_to_world")
-    return rows.reshape(-1, *rows.shape[2:])
+    if on_gpu(rows) and not isinstance(rows, wp.array):
+        rows = from_foreign(rows, name)
+    array = rows.contiguous() if isinstance(rows, wp.array) else as_numpy(rows, name=name)
+    return array.reshape((array.shape[0] * array.shape[1], *array.shape[2:]))
 
 
 def _index(shape: tuple[int, int], object_poses: ObjectPoses, object_scales: ObjectScales) -> np.ndarray | None:
