@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Visible fractions of bodies of several geoms in many worlds, compared with counted pixels."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import mujoco
 import numpy as np
 import pytest
@@ -196,6 +198,29 @@ def test_kernels_equal_their_references(device):
         assert np.allclose(centers.numpy()[view], reference.body_centers(placed, groups), atol=1e-5)
 
 
+def test_no_occluders_through_cameras_with_different_lenses(device):
+    model = mujoco.MjModel.from_xml_string(NESTED)
+    batch, worlds = BatchRenderer(model, width=WIDTH, height=HEIGHT, device=device), worlds_of(model, 3)
+    found = batch.visibility(worlds, bodies=BODIES, occluders=0)
+    assert found.occluders.shape == found.occluder_shares.shape == (3, 2, 4, 0)
+    assert np.array_equal(found.fraction.numpy(), batch.visibility(worlds, bodies=BODIES).fraction.numpy())
+
+
+def test_concurrent_callers_get_their_own_fractions(device):
+    model = mujoco.MjModel.from_xml_string(NESTED)
+    batch = BatchRenderer(model, width=WIDTH, height=HEIGHT, device=device, threads=1)
+    calls = [worlds_of(model, 4, seed) for seed in range(6)]
+
+    def measure(i):
+        found = batch.visibility(calls[i % 6], bodies=BODIES, shaped=True)
+        return found.fraction.numpy().tobytes(), found.shaped.numpy().tobytes()
+
+    expected = [measure(i) for i in range(6)]
+    with ThreadPoolExecutor(6) as callers:
+        for i, found in enumerate(callers.map(measure, range(90))):
+            assert found == expected[i % 6], i
+
+
 def test_bodies_without_geoms_and_other_bad_input():
     model = mujoco.MjModel.from_xml_string(NESTED)
     batch = BatchRenderer(model, width=8, height=6)
@@ -216,7 +241,6 @@ def test_bodies_without_geoms_and_other_bad_input():
 
 
 def test_other_environments_have_the_same_fractions():
-    """`DepthObservation` computes fractions by rendering, for objects of several geoms."""
     from gymnasium_environments import make_cup
 
     env = make_cup("DepthObservation", camera="front", objects=["cup"], width=40, height=30)

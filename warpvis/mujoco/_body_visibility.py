@@ -19,7 +19,7 @@ from warpvis.core.checks import as_items, check_flag, check_whole, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import CameraError, SceneError
 from warpvis.mujoco._batch_views import Workplace
-from warpvis.rendering import Renderer
+from warpvis.rendering import Pool, Renderer
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
 from warpvis.visibility import FractionMeter, ObjectFractions
@@ -90,25 +90,9 @@ class BodyMeter:
         """Use a scene with the options of a `BatchRenderer`."""
         self._scene = scene
         self._options = {name: options[name] for name in ("near_plane", "cull_backfaces", "threads")}
-        self._meters: dict[Any, FractionMeter] = {}
+        self._meters = Pool(_MAX_METERS)
         self._renderers: dict[Camera, Renderer] = {}
         self._centers: tuple[wp.array, wp.array] | None = None
-
-    def _meter(
-        self,
-        camera: Camera,
-        groups: Sequence[Sequence[int]],
-        canvas: tuple[int, int, int, int],
-        min_samples: int,
-        occluders: int,
-    ) -> FractionMeter:
-        key = camera, tuple(map(tuple, groups)), canvas, min_samples, occluders
-        if key not in self._meters:
-            while len(self._meters) >= _MAX_METERS:
-                self._meters.pop(next(iter(self._meters)), None)
-            options: dict[str, Any] = {"min_samples": min_samples, "occluders": occluders, **self._options}
-            self._meters[key] = FractionMeter(self._scene, camera, objects=groups, canvas=canvas, **options)
-        return self._meters[key]
 
     def measure(
         self,
@@ -147,8 +131,15 @@ class BodyMeter:
             worlds.object_sizes = place.sizes
         else:
             worlds = parse_worlds(self._scene, len(eyes), None, None, hidden)
-        numbers = check_whole(min_samples, "min_samples"), check_whole(occluders, "occluders", minimum=0)
-        measured = self._meter(camera, groups, canvas, *numbers).measure_parsed(eyes, worlds)
+        sampling = {"min_samples": check_whole(min_samples, "min_samples")}
+        sampling["occluders"] = check_whole(occluders, "occluders", minimum=0)
+        # Only one thread may use a meter at a time.
+        key = camera, tuple(map(tuple, groups)), canvas, *sampling.values()
+        meter = self._meters.take(key) or FractionMeter(
+            self._scene, camera, objects=groups, canvas=canvas, **sampling, **self._options
+        )
+        measured = meter.measure_parsed(eyes, worlds)
+        self._meters.give_back(key, meter)
         results = {item.name: getattr(measured, item.name) for item in fields(measured) if item.name != "names"}
         if check_flag(shaped, "shaped"):
             results["shaped"] = self._shape(camera, place, eyes, worlds, groups, measured)
@@ -158,7 +149,8 @@ class BodyMeter:
                 continue
             if name not in found:
                 found[name] = wp.empty((total, *array.shape[1:]), dtype=array.dtype, device=device)
-            wp.copy(found[name][rows], array)
+            if array.size:
+                wp.copy(found[name][rows], array)
 
     def _shape(
         self,
@@ -218,7 +210,7 @@ class BodyMeter:
         return self._centers
 
     def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_meters": {}, "_renderers": {}, "_centers": None}
+        return self.__dict__ | {"_renderers": {}, "_centers": None}
 
 
 def _rows(array: wp.array, rows: slice | wp.array) -> wp.array:
