@@ -135,6 +135,18 @@ def test_segmentation_values(segmentation):
     assert "depth" not in observation
 
 
+def test_fractions_need_no_segmentation():
+    names, vectors = ("depth",), []
+    single = observed(**ALL)[1]["visible_fraction"]
+    for outputs in (ALL["outputs"], names):
+        options = ALL | {"outputs": outputs}
+        wrapped = VectorDepthObservation(vector("sync", "PoseObservation"), camera="front", **options)
+        vectors.append(wrapped.reset(seed=0)[0]["visible_fraction"])
+    assert wrapped._outputs.images == names
+    np.testing.assert_array_equal(*vectors)
+    np.testing.assert_array_equal(observed(**ALL | {"outputs": names})[1]["visible_fraction"], single)
+
+
 def test_visible_fraction_of_whole_bodies():
     """For one geom it equals `object_visibility`; for two, it uses their joint silhouette."""
     env, observation = observed(

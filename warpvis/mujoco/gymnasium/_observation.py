@@ -186,9 +186,9 @@ class ImageRenderer(MujocoRenderer):
         renderer = self._renderer_of(outputs.images, camera, fill=outputs.fill, sensor=outputs.sensor)
         views = renderer.render(self._pose[None], view_index=view_index, frame=frame, **options)
         entries = {name: getattr(views, name).numpy()[0] for name in outputs.images}
+        of_object = shapes_of_objects(stage.shapes, stage.scene)
         if SEGMENTATION in entries:
-            segmentation, of_object = entries[SEGMENTATION], shapes_of_objects(stage.shapes, stage.scene)
-            entries[SEGMENTATION] = of_object[segmentation]
+            entries[SEGMENTATION] = of_object[entries[SEGMENTATION]]
         if len(outputs.members):
             hidden = np.zeros((1, len(stage.scene)), dtype=bool)
             hidden[:, stage.hidden] = True

@@ -100,7 +100,7 @@ class Outputs:
     @property
     def images(self) -> tuple[Output, ...]:
         """The outputs to render."""
-        requested = {*self.names, SEGMENTATION} if len(self.members) else set(self.names)
+        requested = set(self.names)
         requested |= {COLOR} if {RGB, RGBD} & requested else set()
         requested |= {DEPTH} if RGBD in requested else set()
         known: tuple[Output, ...] = ("depth", "color", "segmentation", "reasons", "true_depth")

@@ -133,10 +133,9 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         views = self._batch.render(poses, **options)
         shape = (len(self._chosen), count, *outputs.shape)
         images: dict[str, np.ndarray] = {name: getattr(views, name).numpy() for name in outputs.images}
+        of_object = shapes_of_objects(self._batch.mujoco_scene.shapes(), self._batch.scene)
         if SEGMENTATION in images:
-            segmentation = images[SEGMENTATION]
-            of_object = shapes_of_objects(self._batch.mujoco_scene.shapes(), self._batch.scene)
-            images[SEGMENTATION] = of_object[segmentation]
+            images[SEGMENTATION] = of_object[images[SEGMENTATION]]
         entries: dict[str, np.ndarray] = {
             name: image.reshape(*shape, *image.shape[3:]) for name, image in images.items()
         }

@@ -227,7 +227,7 @@ class VisibilityReward(_Watcher):
                 this term (Ng, Harada and Russell 1999).
             replace: Whether to replace the environment's reward; by default it is added to it.
             subtree: Whether bodies include their descendants.
-            width: Width of the image in which pixels are counted [px].
+            width: Width of the image [px].
             height: Its height [px].
             movable: Static bodies and geoms that the environment moves in its model, as for `BatchRenderer`.
             scene_option: A `mujoco.MjvOption` that selects visible elements, as for `BatchRenderer`.
