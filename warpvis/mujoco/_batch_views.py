@@ -225,6 +225,18 @@ class Workplace:
             viewer_transforms(poses, model, self.cameras, worlds, tracking=tracking, out=eyes)
 
 
+def rows_of(views: NDArray[np.int64], device: wp.Device) -> slice | wp.array:
+    """Return ascending views as a slice if they are consecutive, else as indices on a device."""
+    if len(views) > views[-1] - views[0]:
+        return slice(int(views[0]), int(views[-1]) + 1)
+    return wp.array(views, dtype=wp.int32, device=device)
+
+
+def select_rows(array: wp.array, rows: slice | wp.array) -> wp.array:
+    """Return rows of an array: a view for a slice, a copy for indices."""
+    return array[rows] if isinstance(rows, slice) else array[rows].contiguous()
+
+
 class ViewCaster:
     """Renders views of a workplace; renderers are cached by the intrinsics of their camera."""
 
@@ -246,30 +258,22 @@ class ViewCaster:
                 self._renderers.pop(next(iter(self._renderers)), None)
             self._renderers[camera] = GeomRenderer(self._scene, camera, self._coinciding, **self._options)
         renderer, eyes = self._renderers[camera], place.eyes.flatten()
-        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
-        scattered = len(views) <= views[-1] - views[0]
-        if scattered:
-            rows = wp.array(views, dtype=wp.int32, device=self._scene.device)
-
-        def select(array: wp.array) -> wp.array:
-            return array[rows].contiguous() if scattered else array[rows]
-
-        options: dict[str, Any] = {}
+        rows, options = rows_of(views, self._scene.device), dict[str, Any]()
         if drawn is not None:
             options["view_index"], options["frame"] = drawn[views].T
         if place.looks is not None:
-            options |= {"looks": place.looks, "world_index": select(place.world_of_view)}
+            options |= {"looks": place.looks, "world_index": select_rows(place.world_of_view, rows)}
         if place.objects.size:
-            options |= {"object_poses": place.objects, "world_index": select(place.world_of_view)}
+            options |= {"object_poses": place.objects, "world_index": select_rows(place.world_of_view, rows)}
             options["object_sizes"] = place.sizes
         if place.hidden is not None:
-            options["exclude"] = select(place.hidden)
+            options["exclude"] = select_rows(place.hidden, rows)
         images = {name: getattr(out, name) for name in self._options["outputs"]}
-        if not scattered:
+        if isinstance(rows, slice):
             part = Views(**{name: image[rows] for name, image in images.items()})
-            renderer.render_sizes(select(eyes), **options, out=part)
+            renderer.render_sizes(eyes[rows], **options, out=part)
             return
-        part = renderer.render_sizes(select(eyes), **options)
+        part = renderer.render_sizes(select_rows(eyes, rows), **options)
         for name, image in images.items():
             wp.copy(image[rows], getattr(part, name))
 

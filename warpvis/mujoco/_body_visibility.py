@@ -18,7 +18,7 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_items, check_flag, check_whole, is_whole
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import CameraError, SceneError
-from warpvis.mujoco._batch_views import Workplace
+from warpvis.mujoco._batch_views import Workplace, rows_of, select_rows
 from warpvis.rendering import Pool, Renderer
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
@@ -121,23 +121,20 @@ class BodyMeter:
             shaped: Whether to compute shaped values.
         """
         device, total = self._scene.device, place.eyes.size
-        rows: slice | wp.array = slice(int(views[0]), int(views[-1]) + 1)
-        if len(views) <= views[-1] - views[0]:
-            rows = wp.array(views, dtype=wp.int32, device=device)
-        eyes, world_of_view = _rows(place.eyes.flatten(), rows), _rows(place.world_of_view, rows)
-        hidden = None if place.hidden is None else _rows(place.hidden, rows)
+        rows = rows_of(views, device)
+        eyes, world_of_view = select_rows(place.eyes.flatten(), rows), select_rows(place.world_of_view, rows)
+        hidden = None if place.hidden is None else select_rows(place.hidden, rows)
         if place.objects.size:
             worlds = parse_worlds(self._scene, len(eyes), place.objects, world_of_view, hidden)
             worlds.object_sizes = place.sizes
         else:
             worlds = parse_worlds(self._scene, len(eyes), None, None, hidden)
-        sampling = {"min_samples": check_whole(min_samples, "min_samples")}
-        sampling["occluders"] = check_whole(occluders, "occluders", minimum=0)
-        # Only one thread may use a meter at a time.
-        key = camera, tuple(map(tuple, groups)), canvas, *sampling.values()
-        meter = self._meters.take(key) or FractionMeter(
-            self._scene, camera, objects=groups, canvas=canvas, **sampling, **self._options
-        )
+        min_samples, occluders = check_whole(min_samples, "min_samples"), check_whole(occluders, "occluders", minimum=0)
+        key = camera, tuple(map(tuple, groups)), canvas, min_samples, occluders
+        meter = self._meters.take(key)  # only one thread may use it at a time
+        if meter is None:
+            options: dict[str, Any] = {"min_samples": min_samples, "occluders": occluders, **self._options}
+            meter = FractionMeter(self._scene, camera, objects=groups, canvas=canvas, **options)
         measured = meter.measure_parsed(eyes, worlds)
         self._meters.give_back(key, meter)
         results = {item.name: getattr(measured, item.name) for item in fields(measured) if item.name != "names"}
@@ -211,10 +208,6 @@ class BodyMeter:
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_renderers": {}, "_centers": None}
-
-
-def _rows(array: wp.array, rows: slice | wp.array) -> wp.array:
-    return array[rows] if isinstance(rows, slice) else array[rows].contiguous()
 
 
 def require_perspective(camera: PlanarCamera) -> Camera:
