@@ -319,7 +319,7 @@ def test_invalid_scene_and_camera_are_rejected():
 
 
 def test_spread_poses_matches_reference():
-    from warpvis.kernels.visibility.silhouettes import spread_poses
+    from warpvis.kernels.visibility.object_frames import spread_poses
 
     rows, columns = np.random.default_rng(0).normal(size=(2, 3, 7)).astype(np.float32), np.array([2, -1, 0, 0])
     at_rest = np.random.default_rng(1).normal(size=(1, 4, 7)).astype(np.float32)
@@ -331,7 +331,7 @@ def test_spread_poses_matches_reference():
 
 
 def test_spread_sizes_matches_reference():
-    from warpvis.kernels.visibility.silhouettes import spread_sizes
+    from warpvis.kernels.visibility.object_frames import spread_sizes
 
     rng, columns, is_attached = np.random.default_rng(0), np.array([2, -1, 0, 0, 1]), np.array([0, 0, 1, 0, 0])
     arrays = [rng.uniform(0.5, 2, shape).astype(np.float32) for shape in ((2, 3, 4), (3, 4), (5, 4))]

@@ -106,7 +106,8 @@ class FractionMeter:
         threads: int | None = None,
     ) -> None:
         """Set up the meter; arguments as for `visible_fractions`."""
-        from warpvis.kernels.visibility.fractions import FractionResults, Sampling, Targets as DeviceTargets
+        from warpvis.kernels.visibility.fraction_results import FractionResults
+        from warpvis.kernels.visibility.fractions import Sampling, Targets as DeviceTargets
 
         require_scene(scene).require_objects()
         if not isinstance(camera, Camera):
@@ -212,7 +213,7 @@ class FractionMeter:
 
     def _judge(self, counts: wp.array, hidden_by: wp.array, results: list[wp.array]) -> None:
         """Write results, in the order of the fields of `FractionResults`, from the counters of views."""
-        from warpvis.kernels.visibility.fractions import judge_fractions
+        from warpvis.kernels.visibility.fraction_results import judge_fractions
 
         write_fields(self._results, **dict(zip((*_RESULTS, "occluders", "occluder_shares"), results, strict=True)))
         inputs = [counts, hidden_by, self._camera.width * self._camera.height, self._results]

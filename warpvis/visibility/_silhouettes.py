@@ -153,7 +153,7 @@ class ObjectFrames:
     def spread(self, worlds: Worlds) -> Worlds:
         """Return worlds of the scene with a pose, and a size if they have sizes, for every object."""
         from warpvis.kernels.casting.worlds import Worlds
-        from warpvis.kernels.visibility.silhouettes import spread_poses, spread_sizes
+        from warpvis.kernels.visibility.object_frames import spread_poses, spread_sizes
 
         poses, columns = worlds.object_poses, self._columns
         posed = poses is not None and poses.shape[1] > 0
