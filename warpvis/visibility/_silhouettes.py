@@ -156,13 +156,14 @@ class ObjectFrames:
         from warpvis.kernels.visibility.object_frames import spread_poses, spread_sizes
 
         poses, columns = worlds.object_poses, self._columns
-        posed = poses is not None and poses.shape[1] > 0
-        spread = Worlds()
+        spread, initial = Worlds(), self._isolated.movable_poses()
         spread.world, spread.excluded = worlds.world, worlds.excluded
-        shape = (poses.shape[0] if posed else 1, len(columns))
-        spread.object_poses = wp.empty(shape, dtype=wp.transform, device=columns.device)
-        inputs = [poses if posed else None, columns, self._isolated.movable_poses(), spread.object_poses]
-        launch(spread_poses, shape, inputs, columns.device)
+        if poses is None or not poses.size or poses is self._scene.movable_poses():
+            spread.object_poses, shape = initial, initial.shape
+        else:
+            shape = poses.shape[0], len(columns)
+            spread.object_poses = wp.empty(shape, dtype=wp.transform, device=columns.device)
+            launch(spread_poses, shape, [poses, columns, initial, spread.object_poses], columns.device)
         if worlds.object_sizes is not None and worlds.object_sizes.size:
             spread.object_sizes = wp.empty(shape, dtype=wp.vec4, device=columns.device)
             sizes = [worlds.object_sizes, self._scene.movable_sizes(), self._isolated.movable_sizes()]
