@@ -237,6 +237,10 @@ CASES = {
         lambda: render_moved(exclude=np.zeros((2, 2), dtype=bool)),
         r"flags of shape \(2, 3\) or \(1, 3\), got shape \(2, 2\)",
     ),
+    "exclude flags without views": (
+        lambda: render_moved(exclude=[True, False, False]),
+        r"flags of shape \(2, 3\) or \(1, 3\), got shape \(3,\)",
+    ),
     "exclude a number alone": (lambda: render_moved(exclude=2), r"exclude must be names or indices .*got shape \(\)"),
     "exclude an unknown name": (lambda: render_moved(exclude="ball"), "no object 'ball'"),
     "points of the image in no world": (

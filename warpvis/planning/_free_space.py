@@ -13,7 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_points, check_length, empty, surely_finite
-from warpvis.core.checks import as_items, check_choice
+from warpvis.core.checks import as_items, check_choice, is_whole
 from warpvis.core.poses import QuaternionOrder, check_up, parse_poses, poses_to_matrices, to_xyzw
 from warpvis.core.threads import launch_points
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
@@ -138,7 +138,7 @@ def standing_room(
 def check_exclude(exclude: Excluded) -> list[str | int]:
     """Check names or indices of objects that are excluded in all views, and return them."""
     items = [] if exclude is None else as_items(exclude, "exclude")
-    if not all(isinstance(item, str | int | np.integer) for item in items):
+    if not all(isinstance(item, str) or is_whole(item) for item in items):
         raise ArrayError("exclude must be names or indices of objects, the same for all views")
     return items
 

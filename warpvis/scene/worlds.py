@@ -13,7 +13,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.core.arrays import as_numpy, as_warp, on_gpu, share, take_rows
-from warpvis.core.checks import pluralize
+from warpvis.core.checks import is_whole, pluralize
 from warpvis.core.kernel_cache import launch
 from warpvis.core.motion import Motion, instants_of, stacked
 from warpvis.core.poses import are_valid_rows, find_invalid_rows
@@ -247,7 +247,7 @@ def _parse_world(world_index: ArrayInput | None, views: int, count: int, device:
 def _parse_exclude(scene: Scene, views: int, exclude: Excluded) -> wp.array:
     """Return flags ``(views or 1, objects)`` from an array of flags, or from names and indices for all views."""
     count = len(scene)
-    if isinstance(exclude, Sequence) and all(isinstance(item, str | int | np.integer) for item in exclude):
+    if isinstance(exclude, Sequence) and all(isinstance(item, str) or is_whole(item) for item in exclude):
         flags = np.zeros((1, count), dtype=np.uint8)
         flags[0, [_index(scene, item) for item in exclude]] = 1
         return wp.array(flags, dtype=wp.uint8, device=scene.device)
