@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Visible fractions from the counters of targets: a module of its own, which compiles quickly."""
+"""Visible fractions from the counters of targets, separate from rays because this module compiles quickly."""
 
 import warp as wp
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poses and sizes of all objects from those of movable objects: a module of its own, which compiles quickly."""
+"""Poses and sizes of all objects from those of movable objects."""
 
 import warp as wp
 
