@@ -182,6 +182,6 @@ def test_wrong_arguments(scene, constraints, message):
 
 def test_exclude_for_single_views_raises(scene):
     flags = np.zeros((len(POSES), len(scene)))
-    for given in (flags, [True] * len(scene)):
-        with pytest.raises(wv.errors.ArrayError, match=r"exclude must be names .*, the same for all views"):
+    for given, message in ((flags, "the same for all views"), ([True] * len(scene), "or flags of shape")):
+        with pytest.raises(wv.errors.ArrayError, match=rf"exclude must be names or indices of objects, {message}"):
             check_constraints(scene, CAMERA, POSES, {"mug": (0, 1)}, exclude=given)
