@@ -5,6 +5,7 @@
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,20 @@ def test_whole_scene_fits_tightly(up, camera, scale):
     middle, height = 4.85 * scale, 1 if up == "y" else 2
     toward = framing(scene, camera, azimuth=0.0, elevation=0.5)[:3] - unit((middle, 0, 0, 0, 0, 0, 1))[:3]
     assert toward[height] > 0
+
+
+def test_large_ground_is_clipped():
+    def build(size):
+        scene = wv.Scene()
+        scene.add(trimesh.creation.box((size, size, 0.1)), name="floor", label="ground", pose=(0, 0, -0.05, 0, 0, 0, 1))
+        scene.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="box", label="object", pose=(1, 2, 0.1, 0, 0, 0, 1))
+        return scene
+
+    camera = wv.Camera.kinect()
+    large, huge = (framing(build(size), camera) for size in (8.0, 1000.0))
+    assert large.tolist() == huge.tolist()
+    seen = wv.object_visibility(build(1000.0), replace(camera, near=0.0, far=math.inf), huge)
+    assert seen.visible_pixels.numpy()[0, 1] > 0.02 * camera.width * camera.height
 
 
 def test_invalid_framing_raises():

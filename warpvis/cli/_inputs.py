@@ -212,7 +212,8 @@ class FrameOptions(ViewpointOptions):
     """Options for reading a scene, a camera and frames."""
 
     frame: bool = False
-    """Instead of --poses: use one pose from which the whole scene is in the image, at any range without --camera."""
+    """Instead of --poses: use one pose from which the whole scene is in the image, at any range without --camera.
+    Ground that is much larger than everything else is cut off."""
     movable: Names = ()
     """Names or patterns of the objects that are placed by --worlds or by object_poses of the pose file, in the file's
     order; or the single word model for the moving bodies of MJCF or URDF, one pose per body. Write [m]odel for an

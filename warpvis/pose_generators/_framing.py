@@ -19,6 +19,9 @@ from warpvis.scene import Scene, require_scene
 
 _MARGIN = 0.03
 _MIN_DISTANCE = 1e-3
+# Ground is clipped if its diagonal is this many times that of the other objects; reach of clipped ground around them,
+# relative to their diagonal.
+_LARGE_GROUND, _GROUND_REACH = 10.0, 0.5
 _OFF_AXIS = "camera must have its optical axis inside the image, to frame a scene"
 
 # Search for a pinhole within a lens's image: maximum half angle, points on each side of the border, and bisection
@@ -31,6 +34,9 @@ def framing(
     scene: Scene, camera: ImageCamera, *, azimuth: float = -1.0, elevation: float = 0.55
 ) -> NDArray[np.float64]:
     """Place a camera so that the bounding box of a scene just fits into its image.
+
+    Ground that is more than ten times as large as all other objects together, such as an infinite plane of MuJoCo, is
+    clipped to their surroundings.
 
     Args:
         scene: The scene, with its objects at their initial poses.
@@ -53,12 +59,23 @@ def framing(
     level = math.cos(elevation)
     direction = [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)]
     toward = np.roll(direction, vertical + 1)
-    boxes = np.array([item.bounds for item in scene.objects], dtype=np.float64)
-    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    low, high = _shown_box(scene)
     middle = (low + high) / 2
     pose = poses_along(middle[None], -toward[None], vertical)[0]
     pose[:3] = middle + toward * fitting_distance(pinhole, pose, middle, low, high)
     return pose
+
+
+def _shown_box(scene: Scene) -> NDArray[np.float64]:
+    """Return the lower and upper corner of the box of all objects, with large ground clipped, ``(2, 3)``."""
+    boxes = np.array([item.bounds for item in scene.objects], dtype=np.float64)
+    is_ground = np.array([item.label in scene.ground_labels for item in scene.objects])
+    if is_ground.any() and not is_ground.all():
+        low, high = boxes[~is_ground, 0].min(axis=0), boxes[~is_ground, 1].max(axis=0)
+        size = np.linalg.norm(high - low)
+        is_large = is_ground & (np.linalg.norm(boxes[:, 1] - boxes[:, 0], axis=1) > _LARGE_GROUND * size)
+        boxes[is_large] = np.clip(boxes[is_large], low - _GROUND_REACH * size, high + _GROUND_REACH * size)
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
 def _pinhole_inside(camera: ImageCamera) -> Camera:
