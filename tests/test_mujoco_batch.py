@@ -105,7 +105,8 @@ def test_moved_static_geoms_are_rejected():
         data.qpos[:] = qpos[0]
     batch = batch_of(task()[0])
     match = (
-        r"geom '\w+' is static and must have the model's pose, got another in world 0; create the BatchRenderer with"
+        r"geom '\w+' is static and must have the model's pose, got another in world 0; "
+        r"pass movable=\['\w+'\] or movable=\"all\" to the constructor of the renderer or wrapper"
     )
     with pytest.raises(wv.WarpvisError, match=match):
         batch.render(qpos, model=fields(worlds))

@@ -248,6 +248,13 @@ def test_overlap_of_boxes_against_points():
     assert (surface | inside)[got].all()
 
 
+def test_attached_objects_name_what_moves_them():
+    scene = build()
+    scene.add(trimesh.creation.box((0.05, 0.05, 0.05)), name="handle", attach_to="cup")
+    with pytest.raises(wv.errors.SceneError, match="'handle' is attached to 'cup' and moves with it; move 'cup'"):
+        sample_objects(scene, {"handle": TABLE}, [(PERSON, {"cup": (0, 1)})], 1, 0)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -85,6 +85,16 @@ def test_visible_objects_and_constraints(state):
     assert not checker.check_camera_visibility_constraints({"front": {"table": 0.01, "behind": 0.0001}})[0]
 
 
+def test_bodies_without_a_name_are_not_listed():
+    model = mujoco.MjModel.from_xml_string(MODEL.replace('body name="box"', "body"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    checker = VisibilityChecker(model, data, width=160, height=120)
+    assert checker.get_visible_objects("front") == ["table", "mug"]
+    with pytest.raises(WarpvisError, match="such as 'world', 'table', 'leg', 'mug', 'ghost', 'behind', got 'box'"):
+        checker.check_visibility("front", "box")
+
+
 def test_cameras_that_are_not_in_the_model(state):
     model, data = state
     checker = VisibilityChecker(model, data, width=320, height=240)

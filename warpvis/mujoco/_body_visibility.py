@@ -54,7 +54,8 @@ def choose_bodies(model: mujoco.MjModel, bodies: Sequence[str | int]) -> list[in
         if isinstance(item, str):
             body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, item)
             if body < 0:
-                known = ", ".join(repr(model.body(k).name) for k in range(min(model.nbody, 10)))
+                names = [name for k in range(model.nbody) if (name := model.body(k).name)]
+                known = ", ".join(map(repr, names[:10]))
                 raise SceneError(f"bodies must be names or ids of the model's bodies, such as {known}, got {item!r}")
             chosen.append(int(body))
         elif is_whole(item) and 0 <= item < model.nbody:

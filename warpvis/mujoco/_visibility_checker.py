@@ -99,7 +99,10 @@ class VisibilityChecker:
         return dict(zip(target_objects, fractions.tolist(), strict=True))
 
     def get_visible_objects(self, camera_name: str | int | LookingCamera) -> list[str]:
-        """Return the names of the bodies below the world that a camera sees, the largest in the image first."""
+        """Return the names of the bodies below the world that a camera sees, the largest in the image first.
+
+        Bodies without a name are left out.
+        """
         model = self._model
         shown = self._bodies[self._bodies > 0]
         rooted = np.unique(model.body_rootid[shown]).tolist()
@@ -107,7 +110,7 @@ class VisibilityChecker:
             return []
         shares = self._shares(camera_name, self._members(rooted))
         order = np.argsort(-shares, kind="stable")
-        return [model.body(rooted[k]).name for k in order if shares[k] > 0]
+        return [name for k in order if shares[k] > 0 and (name := model.body(rooted[k]).name)]
 
     def check_camera_visibility_constraints(
         self, constraints: Mapping[str, Mapping[str, float]]

@@ -201,7 +201,7 @@ class FixedGeoms:
         name = self._names[column]
         raise ArrayError(
             f"{self._kind} {name!r} is static and must have the model's pose, got another in world {worlds[row]}; "
-            f'create the BatchRenderer with movable=[{name!r}] or movable="all"'
+            f'pass movable=[{name!r}] or movable="all" to the constructor of the renderer or wrapper'
         )
 
 

@@ -151,8 +151,13 @@ class MovedObject:
         index = scene.index(name)
         item = scene.objects[index]
         if item.pose is None:
-            reason = f"{name!r} is {'attached to another object' if item.movable else 'static'}"
-            raise SceneError(f"move must have movable objects, but {reason}; add it with movable=True")
+            if item.parent is None:
+                raise SceneError(f"move must have movable objects, but {name!r} is static; add it with movable=True")
+            parent = scene.objects[item.parent].name
+            raise SceneError(
+                f"move must have movable objects, but {name!r} is attached to {parent!r} and moves with it; "
+                f"move {parent!r}"
+            )
         if not isinstance(region, SupportRegion):
             raise ArrayError(f"move must have a SupportRegion for {name!r}, got {region!r}")
         attached = [child for child, parent in scene.attached().items() if parent == index]

@@ -357,9 +357,9 @@ def visible_fractions(
     of adjacent rays: between adjacent rays that differ (outside, hidden, visible), half of a ray's area is uncertain.
     Typical errors are much smaller.
 
-    Surfaces that coincide with the object do not hide it. For repeated calls, use a `FractionMeter`. Nothing is copied
-    to the host. `object_visibility` has the quantities of BOP's toolkit, masks, tolerances for measured depth, and
-    lenses.
+    Surfaces that coincide with the object do not hide it where their computed depths are equal; where rounding
+    separates them, either may be in front. For repeated calls, use a `FractionMeter`. Nothing is copied to the host.
+    `object_visibility` has the quantities of BOP's toolkit, masks, tolerances for measured depth, and lenses.
 
     Args:
         scene: The scene.

@@ -57,8 +57,9 @@ class VisibilityMargins:
     """The same distance as an angle between two rays of the camera, in degrees; +inf or -inf where no pixel within
     reach decides, ``(V, K)`` float32."""
     meters: wp.array
-    """The distance by which the blocker has to move sideways at its depth [m]; if it is the image border, the target at
-    its own depth. +inf or -inf where no pixel within reach decides, ``(V, K)`` float32."""
+    """The least distance by which the blocker has to move sideways at its depth [m], or, if it is the image border, the
+    target at its own depth. A blocker mostly has to move farther to hide a target, because it uncovers a part.
+    +inf or -inf where no pixel within reach decides, ``(V, K)`` float32."""
     blocker: wp.array
     """Index of the object that hides the target, or that is the nearest to doing so; -1 for the image border and where
     no pixel within reach decides, ``(V, K)`` int32."""

@@ -139,4 +139,4 @@ def _draw_gains(axes: Axes, placement: Placement) -> None:
     axes.axhline(placement.bound, color="black", linestyle="--", label=f"upper bound: {placement.bound:.3f}")
     axes.set(title="Objective", xlabel="chosen cameras", ylabel="share", ylim=(0, 1.02))
     axes.set_xticks(numbers if len(numbers) <= 12 else numbers[:: len(numbers) // 8])
-    axes.legend(loc="lower right", frameon=False)
+    axes.legend(loc="upper left" if placement.bound < 0.5 else "lower right", frameon=False)
