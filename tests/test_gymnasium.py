@@ -328,3 +328,46 @@ def test_missing_gymnasium_raises_on_import(monkeypatch):
     monkeypatch.setitem(sys.modules, "gymnasium", None)
     with pytest.raises(ImportError, match=r"needs Gymnasium, which is missing: pip install 'warpvis\[gymnasium\]'"):
         importlib.import_module("warpvis.mujoco.gymnasium")
+
+
+# A ball behind a thick tendon and a card of a flex, which hang from a body that slides sideways.
+HIDDEN = """
+<mujoco>
+  <visual><map znear="0.05" zfar="8"/></visual><statistic extent="1"/>
+  <worldbody>
+    <body name="cup" pos="0 0 .5"><geom name="ball" type="sphere" size=".15"/></body>
+    <body name="bar" pos="0 -1 .5"><joint name="slide" type="slide" axis="1 0 0"/>
+      <geom type="sphere" size=".01" mass="1"/><site name="low" pos="0 0 -.5"/><site name="high" pos="0 0 .5"/>
+    </body>
+    <body name="card" pos="0 -.8 .5"><joint name="shift" type="slide" axis="1 0 0"/>
+      <geom type="sphere" size=".01" mass="1" pos=".6 0 0"/></body>
+    <camera name="front" pos="0 -3 .5" xyaxes="1 0 0 0 0 1" fovy="20"/>
+  </worldbody>
+  <deformable><flex name="cloth" dim="2" body="card card card" vertex="-.2 0 -.3 .2 0 -.3 0 0 .3" element="0 1 2"/>
+  </deformable>
+  <tendon><spatial name="rope" width=".05"><site site="low"/><site site="high"/></spatial></tendon>
+</mujoco>
+"""
+
+
+class Hidden(Cup):
+    def __init__(self):
+        super().__init__()
+        self.model = mujoco.MjModel.from_xml_string(HIDDEN)
+        self.data = mujoco.MjData(self.model)
+
+    def reset(self, *, seed=None, options=None):
+        gym.Env.reset(self, seed=seed)
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = self.np_random.uniform(-0.3, 0.3, 2)
+        mujoco.mj_forward(self.model, self.data)
+        return self.now(), {}
+
+
+def test_vector_fractions_behind_tendons_and_flexes():
+    look = {"camera": "front", "objects": ["ball"], **SIZE}
+    envs = gym.vector.SyncVectorEnv([lambda: PoseObservation(Hidden())] * 4)
+    found = VectorDepthObservation(envs, **look).reset(seed=0)[0]["visible_fraction"]
+    alone = [DepthObservation(Hidden(), **look).reset(seed=seed)[0]["visible_fraction"] for seed in range(4)]
+    assert np.ptp(alone) > 0.2
+    np.testing.assert_allclose(found, alone, atol=0.01)

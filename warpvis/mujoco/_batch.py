@@ -20,6 +20,7 @@ from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._batch_elements import SoftElements, Tendons
 from warpvis.mujoco._batch_views import (
+    BatchCamera,
     BatchViews,
     CameraChoice,
     ViewCaster,
@@ -316,16 +317,29 @@ class BatchRenderer:
         ids, of_objects = choose_bodies(self.model, bodies), self._bodies_of_objects()
         parts = members_of_bodies(self.model, ids, of_objects, subtree=check_flag(subtree, "subtree"))
         groups = [np.flatnonzero(part).tolist() for part in parts]
+        found = self._measure_groups(poses, groups, chosen, worlds, model, **options)
+        names = tuple(self.model.body(body).name for body in ids)
+        return BodyVisibility(names, **found, bodies=tuple(ids))
+
+    def _measure_groups(
+        self,
+        poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput,
+        groups: Sequence[Sequence[int]],
+        chosen: list[BatchCamera],
+        worlds: ArrayLike | None,
+        model: object | None,
+        **options: Any,
+    ) -> dict[str, wp.array]:
+        """Measure groups of the scene's objects with the options of `BodyMeter.measure`, ``(W, C, K, ...)`` by name."""
         prepared = self._worlds.prepare(poses, chosen, worlds, model)
-        count, found = len(prepared.indices), dict[str, wp.array]()
+        found = dict[str, wp.array]()
 
         def measure(camera: PlanarCamera, views: NDArray[np.int64]) -> None:
             self._meter.measure(require_perspective(camera), prepared.place, views, groups, found, **options)
 
         self._worlds.for_each_group(prepared, measure)
         self._worlds.give_back(prepared)
-        names = tuple(self.model.body(body).name for body in ids)
-        return BodyVisibility(names, **by_world(found, len(chosen), count), bodies=tuple(ids))
+        return by_world(found, len(chosen), len(prepared.indices))
 
     def _bodies_of_objects(self) -> NDArray[np.int32]:
         """List the body of every object of the scene; -1 for those without a body."""

@@ -103,10 +103,10 @@ class BodyMeter:
         groups: Sequence[Sequence[int]],
         found: dict[str, wp.array],
         *,
-        canvas: tuple[int, int, int, int],
-        min_samples: int,
-        occluders: int,
-        shaped: bool,
+        canvas: tuple[int, int, int, int] | None = None,
+        min_samples: int = 256,
+        occluders: int = 0,
+        shaped: bool = False,
     ) -> None:
         """Measure bodies in views through cameras with equal intrinsics.
 

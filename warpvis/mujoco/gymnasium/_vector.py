@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
 from warpvis.mujoco._batch import BatchRenderer
-from warpvis.mujoco._batch_views import CameraChoice, Workplace, choose_cameras, views_by_intrinsics
+from warpvis.mujoco._batch_views import CameraChoice, choose_cameras
 from warpvis.mujoco._poses import WorldPoses
 from warpvis.mujoco._scene import Movable
 from warpvis.mujoco.gymnasium._environments import (
@@ -29,7 +29,7 @@ from warpvis.mujoco.gymnasium._environments import (
     view_draws,
     with_entries,
 )
-from warpvis.mujoco.gymnasium._observation import FractionCounter, shapes_of_objects
+from warpvis.mujoco.gymnasium._observation import shapes_of_objects
 from warpvis.mujoco.gymnasium._outputs import FRACTION, SEGMENTATION, Channels, Outputs, Segmentation
 from warpvis.rendering import ColorOptions, DepthSensor, Fill
 
@@ -90,7 +90,6 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
         shared |= {"scene_option": scene_option, "movable": movable, "device": device, "threads": threads}
         self._batch = BatchRenderer(model, outputs=self._outputs.images, **shared, **colors)
         self._chosen = choose_cameras(model, self._outputs.cameras, width, height)
-        self._fractions = FractionCounter(self._batch.scene, threads)
         self._colors = shown_colors(model)
         remaining = spaces.Dict({name: space for name, space in single.spaces.items() if name != POSES})
         self.single_observation_space = with_entries(remaining, self._outputs.spaces)
@@ -140,39 +139,19 @@ class VectorDepthObservation(gym.vector.VectorWrapper):
             name: image.reshape(*shape, *image.shape[3:]) for name, image in images.items()
         }
         if len(outputs.members):
-            members = outputs.members_of(of_object[:-1])
-            fractions = self._count(poses, members, of_object[:-1], changes)
-            entries[FRACTION] = fractions.reshape(*shape[:2], -1)
+            entries[FRACTION] = self._measure(poses, outputs.members_of(of_object[:-1]), changes)
         return outputs.entries(entries, axis=1)
 
-    def _count(
-        self,
-        poses: WorldPoses,
-        members: NDArray[np.bool_],
-        shapes: NDArray[np.int32],
-        changes: dict[str, np.ndarray],
+    def _measure(
+        self, poses: WorldPoses, members: NDArray[np.bool_], changes: dict[str, np.ndarray]
     ) -> NDArray[np.float32]:
-        """Compute visible fractions in all views, shape ``(C * W, objects)``."""
-        model, scene = self._batch.model, self._batch.mujoco_scene
-        worlds = np.arange(len(poses.geom_xpos), dtype=np.int32)
-        place = Workplace.of(scene, self._chosen, worlds)
-        place.write_poses(poses, scene, model)
-        eyes, places = place.eyes.numpy().reshape(-1, 7), place.objects.numpy()
-        hidden = np.zeros((len(worlds), len(shapes)), dtype=bool)
-        if "geom_rgba" in changes:
-            is_geom = (shapes >= 0) & (shapes < model.ngeom)
-            hidden[:, is_geom] = changes["geom_rgba"][:, shapes[is_geom], 3] == 0
-        fractions = np.empty((len(eyes), len(members)), dtype=np.float32)
-        groups = views_by_intrinsics(model, self._chosen, changes.get("cam_fovy"), worlds)
-        for camera, views in groups.items():
-            rows = views % len(worlds)
-            fractions[views] = self._fractions.count(
-                camera,
-                members,
-                eyes[views],
-                places[rows] if places.size else None,
-                hidden[rows],
-            )
+        """Compute visible fractions, 0 for invisible objects, shape ``(C, W, objects)``."""
+        fractions = np.zeros((len(self._chosen), len(poses.geom_xpos), len(members)), dtype=np.float32)
+        shown = np.flatnonzero(members.any(axis=1))
+        if len(shown):
+            groups = [np.flatnonzero(mine).tolist() for mine in members[shown]]
+            found = self._batch._measure_groups(poses, groups, self._chosen, None, changes or None)
+            fractions[:, :, shown] = found["fraction"].numpy().transpose(1, 0, 2)
         return fractions
 
 
