@@ -85,7 +85,7 @@ class DepthObservation(gym.ObservationWrapper, gym.utils.RecordConstructorArgs):
             channels: Position of the axis of channels in ``"rgb"`` and ``"rgbd"``: ``"last"`` or ``"first"``.
                 Stable-Baselines3 accepts both.
             depth_range: Depths of the values 0 and 255 of ``"rgbd"`` [m]; by default 0 and twice the model's extent.
-            objects: Names or patterns of geoms or bodies for visible fractions.
+            objects: Names or patterns of geoms or bodies for visible fractions; cameras must be perspective then.
             segmentation: ``"geom"`` or ``"body"`` for their ids; or numbers by name or pattern of geoms or bodies,
                 ``{"object*": 1}``, where the last match applies.
             fill: Depth of empty pixels: ``"far"`` for the camera's far plane, a number [m], or ``"inf"``.
@@ -190,12 +190,10 @@ class ImageRenderer(MujocoRenderer):
         if SEGMENTATION in entries:
             entries[SEGMENTATION] = of_object[entries[SEGMENTATION]]
         if len(outputs.members):
-            hidden = np.zeros((1, len(stage.scene)), dtype=bool)
-            hidden[:, stage.hidden] = True
-            members, eye = outputs.members_of(of_object[:-1]), self._pose[None]
             if self._fractions is None or self._fractions.scene is not stage.scene:
                 self._fractions = FractionCounter(stage.scene, self._threads)
-            entries[FRACTION] = self._fractions.count(camera, members, eye, places, hidden)[0]
+            members = outputs.members_of(of_object[:-1])
+            entries[FRACTION] = self._fractions.count(camera, members, self._pose[None], **options)
         return entries
 
 
@@ -216,27 +214,23 @@ class FractionCounter:
         self,
         camera: PlanarCamera,
         members: NDArray[np.bool_],
-        eyes: NDArray[np.float32],
-        object_poses: NDArray[np.float32] | None,
-        hidden: NDArray[np.bool_],
+        eye: NDArray[np.float32],
+        **options: Any,
     ) -> NDArray[np.float32]:
-        """Compute visible fractions of K objects in V views, 0 for invisible objects, shape ``(V, K)``.
+        """Compute visible fractions of K objects in a view, 0 for invisible objects, shape ``(K,)``.
 
         Args:
             camera: The camera of the images.
             members: Whether each of the scene's objects is part of a named object, shape ``(K, objects)``.
-            eyes: Camera to world, rows ``x y z qx qy qz qw``, shape ``(V, 7)``.
-            object_poses: Poses of movable objects, shape ``(V, M, 7)``; None without any.
-            hidden: Whether each of the scene's objects is hidden, shape ``(V, objects)``.
+            eye: Camera to world, ``x y z qx qy qz qw``, shape ``(1, 7)``.
+            **options: Poses and excluded objects, as for `FractionMeter.measure`.
         """
-        fractions = np.zeros((len(eyes), len(members)), dtype=np.float32)
+        fractions = np.zeros(len(members), dtype=np.float32)
         shown = np.flatnonzero(members.any(axis=1))
         if len(shown):
             groups = tuple(tuple(np.flatnonzero(mine).tolist()) for mine in members[shown])
-            found = self._meter(require_perspective(camera), groups).measure(
-                eyes, object_poses=object_poses, exclude=hidden.astype(np.uint8)
-            )
-            fractions[:, shown] = found.fraction.numpy()
+            meter = self._meter(require_perspective(camera), groups)
+            fractions[shown] = meter.measure(eye, **options).fraction.numpy()[0]
         return fractions
 
     def _meter(self, camera: Camera, groups: tuple[tuple[int, ...], ...]) -> FractionMeter:
