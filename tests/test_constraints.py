@@ -10,7 +10,9 @@ import trimesh
 from reference_silhouettes import measure_silhouettes
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.planning import Constraint, check_constraints
+from warpvis.planning._check_constraints import parse_agents
 
 CAMERA = wv.Camera.from_fov(40, 30, hfov=1.2, near=0.3, far=4.0)
 POSES = np.stack(
@@ -122,6 +124,68 @@ def test_angles_are_in_the_frame_of_movable_objects(scene):
     np.testing.assert_allclose(found.values[:, 0], [0, math.pi / 2], atol=1e-6)
 
 
+def test_unions_are_constrained_as_one_object(scene):
+    """A tuple of names has the values of `visible_fractions`, between those of single objects."""
+    both, everything = ("mug", "screen"), Constraint(fraction=(0, 1), pixels=(0, None), margin=0, status="visible")
+    found = check_constraints(scene, CAMERA, POSES, {"mug": (0, 1), both: everything, "screen": (0, 1)})
+    assert [str(term) for term in found.terms][:2] == ["fraction of 'mug'", "fraction of 'mug+screen'"]
+    single = [check_constraints(scene, CAMERA, POSES, {name: (0, 1)}).values[:, 0] for name in both]
+    assert np.array_equal(found.values[:, [0, -1]].T, single)
+    seen = wv.visible_fractions(scene, CAMERA, POSES, objects=[list(both)], min_samples=1)
+    fraction, pixels, margin, status = found.values[:, 1:5].T
+    np.testing.assert_allclose(fraction, seen.fraction.numpy()[:, 0], atol=1e-6)
+    np.testing.assert_array_equal(pixels, seen.visible_pixels.numpy()[:, 0])
+    np.testing.assert_array_equal(status, seen.status.numpy()[:, 0])
+    x, y, width, height = seen.box.numpy()[:, 0].T
+    gaps = np.min([x, y, 40 - x - width, 30 - y - height], axis=0)
+    np.testing.assert_array_equal(margin, np.where(pixels > 0, gaps, -math.inf))
+    assert 0 < fraction[0] != found.values[0, 0]
+
+
+def test_boxes_of_unions(scene):
+    """Distances are to the center of the joint box: in the world, or in the frame of all members."""
+    moved = np.array([[[0.5, 1.0, 0.2, 0, 0, 0.6, 0.8]]] * len(POSES))
+    found = check_constraints(
+        scene, CAMERA, POSES, {("mug", "screen"): Constraint(distance=(0, None))}, object_poses=moved
+    )
+    item = scene.objects[1]
+    matrix = poses_to_matrices(moved[0])[0]
+    corners = np.concatenate([scene.objects[0].vertices, item.frame_vertices @ matrix[:3, :3].T + matrix[:3, 3]])
+    center = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    np.testing.assert_allclose(found.values[:, 0], np.linalg.norm(POSES[:, :3] - center, axis=1), rtol=1e-6)
+
+    cart = wv.Scene()
+    cart.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="cart", movable=True, pose=(0, 0, 0, 0, 0, 0, 1))
+    cart.add(trimesh.creation.box((0.2, 0.2, 0.2)), name="load", attach_to="cart", pose=(0.4, 0, 0, 0, 0, 0, 1))
+    facing = Constraint(angle=(0, math.pi), direction=(1, 0, 0), distance=(0, None))
+    turned = np.array([[[0, 0, 0, 0, 0, math.sqrt(0.5), math.sqrt(0.5)]]])  # x is y of the world
+    angle, distance = sorted(
+        check_constraints(cart, CAMERA, [0, 2, 0, 0, 0, 0, 1], {("cart", "load"): facing}, object_poses=turned).values[
+            0
+        ]
+    )
+    assert abs(angle) < 1e-3 and abs(distance - 1.8) < 1e-3
+
+
+def test_unions_of_agents_with_several_faces(scene):
+    """A person with a wide field of view sees the union of a mug and a floor, which a screen hides in part."""
+    eye = wv.look_at((-1, -0.3, 0.5), (1, 0, 0.5))
+    person = wv.Agent("person", wv.FieldOfView(2.4, 0.6, 0.6, resolution=40), eye)
+    rows = np.stack([scene.objects[1].pose])[None]
+    (observer,) = parse_agents(scene, [(person, {("mug", "floor"): (0, 1), "mug": Constraint(pixels=(0, None))})])
+    union, pixels = observer.check(scene, rows.astype(np.float32)).values[0]
+    (single,) = parse_agents(scene, [(person, {"mug": (0, 1), "floor": (0, 1)})])
+    mug, floor = single.check(scene, rows.astype(np.float32)).values[0]
+    assert len(observer.faces) > 1 and pixels > 0
+    assert min(mug, floor) < union < max(mug, floor)
+
+
+def test_unions_need_a_pinhole(scene):
+    lens = wv.cameras.LensCamera(wv.cameras.lenses.KannalaBrandt(20, 20, 20, 15), 40, 30)
+    with pytest.raises(wv.errors.CameraError, match="got LensCamera"):
+        check_constraints(scene, lens, POSES, {("mug", "screen"): (0, 1)})
+
+
 def test_worlds_and_exclusions(scene):
     aside = [[0, 3, 0.5, 0, 0, 0, 1]]
     worlds = [aside, [[0, 0.2, 0.5, 0, 0, 0, 1]]]
@@ -168,7 +232,10 @@ def test_wrong_constraints(make, message):
         ({}, "constraints must have one or more objects, got none"),
         ([(0, 1)], "constraints must be a mapping"),
         ({"cup": (0, 1)}, "the scene has no object 'cup'; it has 'mug', 'screen', 'floor'"),
-        ({0: (0, 1)}, "constraints must have names of objects as keys, got 0"),
+        ({0: (0, 1)}, "constraints must have names of objects, or tuples of names, as keys, got 0"),
+        ({(): (0, 1)}, r"constraints must have names of objects, or tuples of names, as keys, got \(\)"),
+        ({("mug", 1): (0, 1)}, "or tuples of names, as keys, got"),
+        ({("mug", "mug"): (0, 1)}, "objects must be one or more distinct objects of the scene"),
         ({"mug": 0.5}, "constraints of 'mug' must be a list, got 0.5"),
         ({"mug": []}, "constraints of 'mug' must be a range such as"),
         ({"mug": (60, 100)}, "constraint of 'mug': fraction must be from 0 to 1, got 60; for percent, pass 0.6"),

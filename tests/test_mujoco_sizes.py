@@ -316,7 +316,8 @@ BAD_SIZES = {
 def test_invalid_sizes_are_rejected(name):
     given, said = BAD_SIZES[name]
     batch = batch_of(MODEL, resizable=["block"])
-    for model in ({"geom_size": given}, SimpleNamespace(geom_size=given)):
+    models = [{"geom_size": given}, SimpleNamespace(geom_size=given)]
+    for model in models[:1] if name == "of no world" else models:  # in MJX's model, such a field is that of all worlds
         with pytest.raises(wv.errors.ArrayError) as error:
             batch.render([DATA, DATA], model=model)
         assert said in str(error.value)

@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -23,7 +24,10 @@ from warpvis.planning._constraints import GEOMETRIC, ConstraintCheck, Constraint
 from warpvis.planning._free_space import check_exclude
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, pose_columns
-from warpvis.visibility import Agent, choose_objects, see_objects
+from warpvis.visibility import Agent, FractionMeter, choose_objects, see_objects
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
 
 _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
@@ -48,7 +52,8 @@ def check_constraints(
         camera: The camera.
         camera_to_world: Poses, as for `Renderer.render`.
         constraints: For each object, by name, the range of its visible fraction, ``(0.6, 1.0)``, a `Constraint`, or a
-            list of these.
+            list of these. A tuple of names is the union of these objects, such as the parts of a robot; the camera
+            must then be a pinhole.
         object_poses: As for `Renderer.render`.
         world_index: As for `Renderer.render`.
         exclude: Names or indices of objects that are invisible to the camera.
@@ -102,22 +107,23 @@ class Observer:
         """Check V views with poses of the movable objects, ``(V, M, 7)``; conditions that are left out are NaN."""
         values = np.full((len(rows), len(self.terms)), np.nan)
         seen = self._see(scene, rows, threads) if visual and self._visual else {}
+        names = list(self._visual)
         for column, term in enumerate(self.terms):
             if term.quantity in GEOMETRIC:
                 if geometric:
                     values[:, column] = self._measure(scene, rows, term)
             elif visual:
-                values[:, column] = seen[term.quantity][:, self._visual.index(term.object)]
+                values[:, column] = seen[term.quantity][:, names.index(term.object)]
         return ConstraintCheck(self.terms, values, _slack(self.terms, values))
 
     @property
-    def _visual(self) -> list[str]:
-        """Names of the objects that images are needed for."""
-        return list(dict.fromkeys(term.object for term in self.terms if term.quantity not in GEOMETRIC))
+    def _visual(self) -> dict[str, tuple[str, ...]]:
+        """Members of the objects and unions that images are needed for, by name."""
+        return {term.object: term.members for term in self.terms if term.quantity not in GEOMETRIC}
 
     def _measure(self, scene: Scene, rows: NDArray[np.float32], term: Term) -> NDArray[np.float64]:
         """Return distances [m] or angles [rad] of one object, ``(V,)``."""
-        center, rotation = place_object(scene, scene.index(term.object), rows)
+        center, rotation = place_objects(scene, [scene.index(member) for member in term.members], rows)
         to_camera = self.poses[:, :3] - center
         if term.direction is None:
             return np.linalg.norm(to_camera, axis=-1)
@@ -126,51 +132,122 @@ class Observer:
         return np.arctan2(across, (direction * to_camera).sum(axis=-1))
 
     def _see(self, scene: Scene, rows: NDArray[np.float32], threads: int | None) -> dict[str, NDArray[Any]]:
-        """Return the quantities that are measured in images, ``(V, K)`` each, summed over the agent's faces."""
-        views, chosen = len(rows), choose_objects(scene, self._visual)
-        worlds = parse_worlds(scene, views, rows if scene.movable else None, None, self.exclude or None)
-        counts, found = np.zeros((5, views, len(chosen)), dtype=np.int64), None
-        needed = any(term.quantity == "fraction" for term in self.terms)
-        for face in self.faces:
-            placed = np.repeat(self.poses.astype(np.float64), views // len(self.poses), axis=0)
-            placed[:, 3:] = quaternion_product(placed[:, 3:], np.array(face.rotation))
-            poses = wp.array(placed.astype(np.float32), dtype=wp.transform, device=scene.device)
-            canvas = face.canvas if needed else (0, 0, 0, 0)
-            found = see_objects(
-                scene, face.camera, poses, worlds, chosen, canvas=canvas, skip_unseen=True, threads=threads
+        """Return the quantities that are measured in images, ``(V, K)`` each."""
+        names = list(self._visual)
+        found = [
+            measure(scene, rows, chosen, threads)
+            for chosen, measure in (
+                ([name for name in names if len(self._visual[name]) == 1], self._see_objects),
+                ([name for name in names if len(self._visual[name]) > 1], self._see_unions),
             )
-            names = ("visible_pixels", "silhouette_pixels", "image_pixels", "too_near_pixels", "too_far_pixels")
-            counts += np.stack([getattr(found, name).numpy() for name in names])
+            if chosen
+        ]
+        order = sorted(range(len(names)), key=lambda k: len(self._visual[names[k]]) > 1)
+        return {
+            quantity: np.concatenate([part[quantity] for part in found], axis=1)[:, np.argsort(order)]
+            for quantity in found[0]
+        }
+
+    def _views(
+        self, scene: Scene, rows: NDArray[np.float32]
+    ) -> tuple[Worlds, Iterator[tuple[Any, tuple[int, int, int, int], wp.array]]]:
+        """Return worlds, and the camera, the canvas and the poses ``(V,)`` of each face."""
+        views = len(rows)
+        worlds = parse_worlds(scene, views, rows if scene.movable else None, None, self.exclude or None)
+        needed = any(term.quantity == "fraction" for term in self.terms)
+
+        def of_faces() -> Iterator[tuple[Any, tuple[int, int, int, int], wp.array]]:
+            for face in self.faces:
+                placed = np.repeat(self.poses.astype(np.float64), views // len(self.poses), axis=0)
+                placed[:, 3:] = quaternion_product(placed[:, 3:], np.array(face.rotation))
+                poses = wp.array(placed.astype(np.float32), dtype=wp.transform, device=scene.device)
+                yield face.camera, face.canvas if needed else (0, 0, 0, 0), poses
+
+        return worlds, of_faces()
+
+    def _see_objects(
+        self, scene: Scene, rows: NDArray[np.float32], names: list[str], threads: int | None
+    ) -> dict[str, NDArray[Any]]:
+        """Return the quantities of single objects, ``(V, K)`` each, summed over the agent's faces."""
+        chosen = choose_objects(scene, names)
+        counts, found = np.zeros((5, len(rows), len(chosen)), dtype=np.int64), None
+        worlds, faces = self._views(scene, rows)
+        for camera, canvas, poses in faces:
+            found = see_objects(scene, camera, poses, worlds, chosen, canvas=canvas, skip_unseen=True, threads=threads)
+            counted = ("visible_pixels", "silhouette_pixels", "image_pixels", "too_near_pixels", "too_far_pixels")
+            counts += np.stack([getattr(found, name).numpy() for name in counted])
         assert found is not None  # there is at least one face
         visible, silhouette, image, near, far = counts
-        size = sum(face.camera.width * face.camera.height for face in self.faces)
-        seen = {"pixels": visible, "image_fraction": visible / size, "fraction": visible / np.maximum(silhouette, 1)}
         reasons = np.stack([image - visible - near - far, near, far])
         order = np.array([Visibility.OCCLUDED, Visibility.TOO_NEAR, Visibility.TOO_FAR])
         status = np.where(image > 0, order[reasons.argmax(axis=0)], Visibility.OUT_OF_VIEW)
+        return self._quantities(visible, silhouette, status, found.visible_box)
+
+    def _see_unions(
+        self, scene: Scene, rows: NDArray[np.float32], names: list[str], threads: int | None
+    ) -> dict[str, NDArray[Any]]:
+        """Return the quantities of unions of objects, ``(V, K)`` each, summed over the agent's faces.
+
+        If no face shows a union, its status is that of the face in whose image most of its silhouette is.
+        """
+        shape = len(rows), len(names)
+        counts, status = np.zeros((2, *shape), dtype=np.int64), np.full(shape, int(Visibility.OUT_OF_VIEW))
+        most, found = np.zeros(shape, dtype=np.int64), None
+        worlds, faces = self._views(scene, rows)
+        groups = {name: self._visual[name] for name in names}
+        for camera, canvas, poses in faces:
+            meter = FractionMeter(
+                scene, camera, objects=groups, canvas=canvas, min_samples=1, occluders=0, threads=threads
+            )
+            found = meter.measure_parsed(poses, worlds)
+            visible, silhouette = found.visible_pixels.numpy(), found.silhouette_pixels.numpy()
+            counts += np.stack([visible, silhouette])
+            met = found.status.numpy() != Visibility.OUT_OF_VIEW
+            better = met & (silhouette > most)
+            status, most = np.where(better, found.status.numpy(), status), np.where(better, silhouette, most)
+        assert found is not None  # there is at least one face
+        return self._quantities(counts[0], counts[1], status, found.box)
+
+    def _quantities(
+        self, visible: NDArray[np.int64], silhouette: NDArray[np.int64], status: NDArray[Any], boxes: wp.array
+    ) -> dict[str, NDArray[Any]]:
+        """Return quantities ``(V, K)`` from counts of pixels, and the visible boxes in the last face's image."""
+        size = sum(face.camera.width * face.camera.height for face in self.faces)
+        seen = {"pixels": visible, "image_fraction": visible / size, "fraction": visible / np.maximum(silhouette, 1)}
         seen["status"] = np.where(visible > 0, Visibility.VISIBLE, status)
         if any(term.quantity == "margin" for term in self.terms):
-            x, y, width, height = np.moveaxis(found.visible_box.numpy().astype(np.float64), -1, 0)
+            x, y, width, height = np.moveaxis(boxes.numpy().astype(np.float64), -1, 0)
             camera = self.faces[0].camera
             gaps = np.stack([x, y, camera.width - x - width, camera.height - y - height])
             seen["margin"] = np.where(visible > 0, gaps.min(axis=0), -np.inf)
         return seen
 
 
-def place_object(
-    scene: Scene, index: int, rows: NDArray[np.float32]
+def place_objects(
+    scene: Scene, indices: Sequence[int], rows: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return an object's box center [m], ``(V, 3)``, and rotation, ``(V, 3, 3)``, at poses of the movable objects.
+    """Return the center [m], ``(V, 3)``, and rotation, ``(V, 3, 3)``, of the box of one or several objects.
 
-    Boxes are aligned with the frame of a movable object, and with the world for static ones, whose rotation is the
-    identity.
+    Boxes are aligned with the frame with which all objects move, and with the world, whose rotation is the identity, if
+    there is none.
+
+    Args:
+        scene: The scene.
+        indices: The objects.
+        rows: Poses of the movable objects in each view, ``(V, M, 7)``.
     """
-    vertices, column = scene.objects[index].frame_vertices, int(pose_columns(scene)[index])
-    middle = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64).mean(axis=0)
-    if column < 0:
-        return np.broadcast_to(middle, (len(rows), 3)), np.broadcast_to(np.eye(3), (len(rows), 3, 3))
-    matrices = poses_to_matrices(rows[:, column])
-    return matrices[:, :3, :3] @ middle + matrices[:, :3, 3], matrices[:, :3, :3]
+    columns = pose_columns(scene)[list(indices)]
+    identity = np.broadcast_to(np.eye(4), (len(rows), 4, 4))
+    frame = poses_to_matrices(rows[:, columns[0]]) if columns[0] >= 0 and len(set(columns)) == 1 else None
+    low, high = np.full((len(rows), 3), np.inf), np.full((len(rows), 3), -np.inf)
+    for index, column in zip(indices, columns.tolist(), strict=True):
+        vertices = scene.objects[index].frame_vertices
+        corners = np.array(list(product(*np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64).T)))
+        pose = poses_to_matrices(rows[:, column]) if frame is None and column >= 0 else identity
+        placed = corners @ pose[:, :3, :3].swapaxes(1, 2) + pose[:, None, :3, 3]
+        low, high = np.minimum(low, placed.min(axis=1)), np.maximum(high, placed.max(axis=1))
+    middle, frame = (low + high) / 2, identity if frame is None else frame
+    return (frame[:, :3, :3] @ middle[..., None])[..., 0] + frame[:, :3, 3], frame[:, :3, :3]
 
 
 def parse_agents(scene: Scene, agents: Sequence[tuple[Agent, Constraints]]) -> list[Observer]:

@@ -17,6 +17,7 @@ from warpvis.core.checks import as_items, check_mapping, check_whole, degrees_hi
 from warpvis.core.labels import Visibility
 from warpvis.errors import ArrayError
 from warpvis.scene import Scene
+from warpvis.visibility import choose_objects
 
 Bounds = tuple[float | None, float | None]
 """Minimum and maximum, both included; None for none."""
@@ -31,7 +32,7 @@ _IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Constraint:
-    """What must hold for one object in one view; only what is given must hold, and all of it.
+    """What must hold for one object, or a union of objects, in one view: all that is given.
 
     Ranges are pairs of a minimum and a maximum, both included; None for no limit.
 
@@ -52,7 +53,7 @@ class Constraint:
     """Angle at the center of the box between `direction` and the line to the camera [rad], from 0 to pi."""
     direction: tuple[float, float, float] | None = None
     """A direction of any length, for example the normal of a screen: in the object's frame if it is movable, else in
-    the world."""
+    the world; for a union, in the frame with which all members move, else in the world."""
     margin: int | None = None
     """Minimum distance of the box of visible pixels from the image border [px]; the object must be visible."""
     status: str | Visibility | Collection[str | Visibility] | None = None
@@ -81,8 +82,8 @@ class Constraint:
 ConstraintLike: TypeAlias = Constraint | Sequence[float]
 """A `Constraint`, or the range of the visible fraction."""
 
-Constraints: TypeAlias = Mapping[str, ConstraintLike | Sequence[ConstraintLike]]
-"""Constraints by the names of objects."""
+Constraints: TypeAlias = Mapping[str | tuple[str, ...], ConstraintLike | Sequence[ConstraintLike]]
+"""Constraints by the names of objects; a tuple of names is constrained as one object, the union of its members."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,9 @@ class Term:
     """One condition of a constraint."""
 
     object: str
-    """Name of the object."""
+    """Name of the object; those of a union's members are joined by "+"."""
+    members: tuple[str, ...]
+    """The object, or the members of the union."""
     quantity: str
     """``"fraction"``, ``"pixels"``, ``"image_fraction"``, ``"distance"``, ``"angle"``, ``"margin"`` or ``"status"``."""
     low: float
@@ -134,11 +137,13 @@ def parse_constraints(scene: Scene, constraints: Constraints, name: str = "const
     """Check constraints by object, and return their conditions; raise a `SceneError` for unknown objects."""
     terms = []
     for key, value in check_mapping(constraints, name).items():
-        if not isinstance(key, str):
-            raise ArrayError(f"{name} must have names of objects as keys, got {key!r}")
-        scene.index(key)
-        for item in _as_constraints(value, key):
-            terms += _terms_of(key, item)
+        members = (key,) if isinstance(key, str) else key
+        if not isinstance(members, tuple) or not members or not all(isinstance(member, str) for member in members):
+            raise ArrayError(f"{name} must have names of objects, or tuples of names, as keys, got {key!r}")
+        choose_objects(scene, members)
+        title = "+".join(members)
+        for item in _as_constraints(value, title):
+            terms += _terms_of(title, members, item)
     if not terms:
         raise ArrayError(f"{name} must have one or more objects, got none")
     return tuple(terms)
@@ -161,7 +166,7 @@ def _as_constraints(value: object, name: str) -> list[Constraint]:
     return [constraint for item in items for constraint in _as_constraints(item, name)]
 
 
-def _terms_of(name: str, constraint: Constraint) -> list[Term]:
+def _terms_of(name: str, members: tuple[str, ...], constraint: Constraint) -> list[Term]:
     terms = []
     for quantity in _RANGES:
         bounds = getattr(constraint, quantity)
@@ -169,11 +174,12 @@ def _terms_of(name: str, constraint: Constraint) -> list[Term]:
             low, high = bounds
             low, high = -math.inf if low is None else low, math.inf if high is None else high
             direction = constraint.direction if quantity == "angle" else None
-            terms.append(Term(name, quantity, low, high, direction=direction))
+            terms.append(Term(name, members, quantity, low, high, direction=direction))
     if constraint.margin is not None:
-        terms.append(Term(name, "margin", constraint.margin, math.inf))
+        terms.append(Term(name, members, "margin", constraint.margin, math.inf))
     if constraint.status is not None:
-        terms.append(Term(name, "status", -math.inf, math.inf, constraint.status))  # type: ignore[arg-type]
+        statuses: tuple[int, ...] = constraint.status  # type: ignore[assignment]
+        terms.append(Term(name, members, "status", -math.inf, math.inf, statuses))
     return terms
 
 

@@ -17,7 +17,7 @@ from warpvis.core.checks import degrees_hint, is_number
 from warpvis.core.poses import check_up, poses_to_matrices, quaternion_product
 from warpvis.errors import ArrayError, SceneError
 from warpvis.planning._best_views import look_along
-from warpvis.planning._check_constraints import place_object
+from warpvis.planning._check_constraints import place_objects
 from warpvis.planning._free_space import one_world
 from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
@@ -204,7 +204,7 @@ def _box_corners(box: Floats) -> Floats:
 def find_targets(scene: Scene, target: str | ArrayLike, rows: NDArray[np.float32]) -> Floats:
     """Return the target of a region in each of V worlds [m], ``(V, 3)``; poses of movable objects are ``(V, M, 7)``."""
     if isinstance(target, str):
-        return np.array(place_object(scene, scene.index(target), rows)[0])
+        return np.array(place_objects(scene, [scene.index(target)], rows)[0])
     return np.tile(np.asarray(target, dtype=np.float64), (len(rows), 1))
 
 
