@@ -5,7 +5,7 @@
 An episode begins with the mug hidden behind two boxes and the camera turned to a random direction. PPO of
 Stable-Baselines3 learns to move and turn the camera so that the mug is visible. With the same number of steps and a
 reward of 1 for episodes that end with a visible mug, it does not. Requires `pip install stable-baselines3 matplotlib`;
-takes 3 to 5 minutes a run on two loaded CPU cores, and writes active_camera.png.
+takes about a minute a run on two loaded CPU cores, and writes active_camera.png.
 """
 
 import sys
