@@ -79,6 +79,7 @@ def lidar_cases(folder):
         ),
         "hdl64e": (lidars.hdl64e, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
         "vlp16": (lidars.vlp16, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "hdl32e": (lidars.hdl32e, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
         "vlp32c": (lidars.vlp32c, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
         "laser_scan": (
             lidars.laser_scan,

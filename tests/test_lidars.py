@@ -16,6 +16,7 @@ from support.lidars import old_ouster_metadata, ouster_metadata
 SPINNING = {
     "vlp16": lidars.vlp16,
     "vlp32c": lidars.vlp32c,
+    "hdl32e": lidars.hdl32e,
     "hdl64e": lidars.hdl64e,
     "ouster": lambda rate: lidars.ouster("OS1-128", f"512x{rate}"),
     "even": lambda rate: lidars.even(4, rate=rate),
@@ -60,7 +61,7 @@ def test_times_increase_within_one_revolution(name, rate):
     np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=-1), 1, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl64e"])
+@pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl32e", "hdl64e"])
 def test_velodyne_rotates_clockwise_at_its_rate(name):
     rays = SPINNING[name](10)
     azimuth, elevation = angles(rays)
@@ -97,6 +98,21 @@ def test_vlp32c_firing_pairs_and_azimuth_offsets():
     assert set(np.round(left, 9)) == {-4.2, -1.4, 1.4, 4.2}
     assert elevation[0, 0] == pytest.approx(15) and elevation[-1, 0] == pytest.approx(-25)
     assert left[0] == pytest.approx(1.4) and left[-1] == pytest.approx(-1.4)
+
+
+def test_hdl32e_firing_order_matches_manual():
+    """Lasers of the lower and the upper half take turns, from the lowest of each."""
+    rays = lidars.hdl32e()
+    _, elevation = angles(rays)
+    order = np.argsort(rays.times[:, 0])
+    fired = elevation[order, 0]
+    assert (np.diff(fired[::2]) > 0).all() and (np.diff(fired[1::2]) > 0).all()
+    assert fired[:2] == pytest.approx([-30.67, -9.33]) and fired[-2:] == pytest.approx([-10.67, 10.67])
+    np.testing.assert_allclose(np.diff(elevation[:, 0]), -4 / 3, atol=0.01)
+    np.testing.assert_allclose(rays.times[order, 0], np.arange(32) * 1.152e-6, atol=1e-15)
+    np.testing.assert_allclose(np.diff(rays.times, axis=1), 46.08e-6, atol=1e-12)
+    assert 32 * rays.directions.shape[1] * 10 == pytest.approx(695e3, rel=0.01)  # points a second, by its data sheet
+    assert not np.asarray(rays.origins).any()
 
 
 def test_hdl64e_blocks_fire_simultaneously():
@@ -158,7 +174,9 @@ def corrections(count, seed=3):
     ]
 
 
-@pytest.mark.parametrize(("make", "count"), [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl64e, 64)])
+@pytest.mark.parametrize(
+    ("make", "count"), [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl32e, 32), (lidars.hdl64e, 64)]
+)
 def test_calibrated_velodyne_points_match_driver(tmp_path, make, count):
     rows = corrections(count)
     put(tmp_path / "calibration.yaml", {"lasers": rows, "num_lasers": count})

@@ -77,9 +77,9 @@ class Render(ImageOptions):
     format: Names = ("npz", "png")
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
-    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl64e, bpearl, os0-128, os1-128, os2-128, an
-    Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z
-    up."""
+    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, bpearl, os0-128, os1-128,
+    os2-128, an Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward,
+    y left, z up."""
     moving: bool = False
     """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
     from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
@@ -288,6 +288,7 @@ def find_lidar(name: str) -> Rays | Livox:
     spinning: dict[str, Callable[[], Rays]] = {
         "vlp16": lidars.vlp16,
         "vlp32c": lidars.vlp32c,
+        "hdl32e": lidars.hdl32e,
         "hdl64e": lidars.hdl64e,
         "bpearl": lidars.bpearl,
     }

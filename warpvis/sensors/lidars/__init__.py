@@ -10,6 +10,6 @@ from __future__ import annotations
 from warpvis.sensors.lidars._livox import Livox, livox
 from warpvis.sensors.lidars._ouster import ouster
 from warpvis.sensors.lidars._plain import bpearl, directions_at as directions_at, even, grid, laser_scan
-from warpvis.sensors.lidars._velodyne import hdl64e, vlp16, vlp32c
+from warpvis.sensors.lidars._velodyne import hdl32e, hdl64e, vlp16, vlp32c
 
-__all__ = ["Livox", "bpearl", "even", "grid", "hdl64e", "laser_scan", "livox", "ouster", "vlp16", "vlp32c"]
+__all__ = ["Livox", "bpearl", "even", "grid", "hdl32e", "hdl64e", "laser_scan", "livox", "ouster", "vlp16", "vlp32c"]

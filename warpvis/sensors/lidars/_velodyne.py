@@ -24,6 +24,12 @@ from warpvis.sensors.lidars._plain import directions_at
 _VLP16_ELEVATION = (-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
 """Elevation of each laser, in firing order [deg]."""
 
+_HDL32E_ELEVATION = (
+    -30.67, -9.33, -29.33, -8.0, -28.0, -6.67, -26.67, -5.33, -25.33, -4.0, -24.0, -2.67, -22.67, -1.33, -21.33, 0.0,
+    -20.0, 1.33, -18.67, 2.67, -17.33, 4.0, -16.0, 5.33, -14.67, 6.67, -13.33, 8.0, -12.0, 9.33, -10.67, 10.67,
+)  # fmt: skip
+"""Elevation of each laser, in firing order [deg]: ``32db.yaml`` of ros-drivers/velodyne at 4c5309f."""
+
 _VLP32C = (
     (-25, -1.4), (-1, 4.2), (-1.667, -1.4), (-15.639, 1.4), (-11.31, -1.4), (0, 1.4), (-0.667, -4.2), (-8.843, 1.4),
     (-7.254, -1.4), (0.333, 4.2), (-0.333, -1.4), (-6.148, 1.4), (-5.333, -4.2), (1.333, 1.4), (0.667, -4.2), (-4, 1.4),
@@ -127,6 +133,25 @@ def vlp16(
     if lasers is None:
         lasers = _lasers(_VLP16_ELEVATION, np.zeros(16), focal=_VLP16_FOCAL)
     return _spin(lasers, rate, 55.296e-6, np.arange(16) * 2.304e-6, near, far)
+
+
+def hdl32e(
+    rate: float = 10.0,
+    *,
+    near: float = 0.0,
+    far: float = 100.0,
+    calibration: str | os.PathLike[str] | None = None,
+) -> Rays:
+    """Return the rays of a revolution of an HDL-32E: 32 lasers from -30.67 to 10.67 degrees, 1.33 degrees apart.
+
+    A firing cycle of all lasers takes 46.08 us, 1.152 us per laser and 9.216 us to recharge (application note 63-9277,
+    as in velodyne_decoder, ``packet_decoder.cpp`` at 043ca71). All beams start at the origin. See `vlp16` for
+    arguments, result and errors.
+    """
+    lasers = _read_lasers(calibration, 32)
+    if lasers is None:
+        lasers = _lasers(_HDL32E_ELEVATION, np.zeros(32), focal=0.0)
+    return _spin(lasers, rate, 46.08e-6, np.arange(32) * 1.152e-6, near, far)
 
 
 def vlp32c(
