@@ -39,7 +39,7 @@ def file_of_opencv(path, d, **others):
 
 
 @pytest.mark.smoke("yaml")
-@pytest.mark.parametrize("ending", ["yaml", "xml"])
+@pytest.mark.parametrize("ending", ["yaml", "xml", "json"])
 def test_opencv_files(ending, tmp_path):
     pytest.importorskip("ruamel.yaml")
     path = file_of_opencv(tmp_path / f"camera.{ending}", D)
@@ -49,6 +49,17 @@ def test_opencv_files(ending, tmp_path):
     plain = load_camera(file_of_opencv(tmp_path / f"plain.{ending}", (0.0,) * 5), distortion=True)
     assert isinstance(plain, wv.Camera)
     np.testing.assert_allclose(plain.to_K(pixel_center=0.0), K)
+
+
+def test_opencv_json_without_distortion(tmp_path):
+    path = file_of_opencv(tmp_path / "camera.json", D)
+    with pytest.warns(IntrinsicsWarning, match=r"camera\.json: the lens has distortion, which is not rendered"):
+        camera = load_camera(path)
+    assert isinstance(camera, wv.Camera) and (camera.width, camera.height) == (64, 48)
+    np.testing.assert_allclose(camera.to_K(pixel_center=0.0), K)
+    path = file_of_opencv(tmp_path / "fisheye.json", FISHEYE, fisheye_model=1)
+    with pytest.raises(FileFormatError, match=r"fisheye\.json: the lens with fisheye_model 1 is not a pinhole"):
+        load_camera(path)
 
 
 @pytest.mark.slow
@@ -101,7 +112,17 @@ def test_nerfstudio_transforms(tmp_path):
 
 
 XML = "<opencv_storage><image_width>64</image_width><image_height>48</image_height>{}</opencv_storage>"
+MATRIX = {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": K.ravel().tolist()}
+SIZE = {"image_width": 64, "image_height": 48}
 BAD = {
+    "json's size": ("a.json", {"camera_matrix": MATRIX, "image_width": 64}, "OpenCV: image_height is missing"),
+    "json's matrix": ("a.json", SIZE | {"camera_matrix": MATRIX | {"data": [1]}}, "camera matrix must be"),
+    "json's other": ("a.json", SIZE | {"R": MATRIX}, r"a\.json: holds no camera of ROS or OpenCV: camera_matrix is"),
+    "json's lens": (
+        "a.json",
+        SIZE | {"camera_matrix": MATRIX, "distortion_coefficients": [0.1]},
+        r"a\.json: D of OpenCV's pinhole must be 4, 5, 8, 12 or 14 numbers, got 1",
+    ),
     "no XML": ("a.xml", "<a", r"a\.xml: is not XML"),
     "empty": ("a.xml", "<a/>", "holds no camera of ROS or OpenCV: camera_matrix is missing"),
     "matrix": ("a.xml", XML.format("<camera_matrix><data>1 2</data></camera_matrix>"), "camera matrix must be"),
@@ -143,11 +164,12 @@ def test_mutated_files_are_read_or_rejected(tmp_path):
     colmap_text(tmp_path, f"7 FOV 64 48 {' '.join(map(str, F))} 0.9")
     colmap_binary(tmp_path, 7, (*F, 0.9))
     put(tmp_path / "transforms.json", NERF | {"k1": 0.1})
+    put(tmp_path / "eye.json", SIZE | {"camera_matrix": MATRIX})
     put(tmp_path / "eye.yaml", ROS_YAML), put(tmp_path / "chain.yaml", KALIBR)
     put(tmp_path / "eye.xml", XML.format("<camera_matrix><data>60 0 31 0 58 25 0 0 1</data></camera_matrix>"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for name in ("cameras.txt", "cameras.bin", "transforms.json", "eye.yaml", "chain.yaml", "eye.xml"):
+        for name in ("cameras.txt", "cameras.bin", "transforms.json", "eye.yaml", "chain.yaml", "eye.xml", "eye.json"):
             whole = (tmp_path / name).read_bytes()
             for _ in range(40):
                 data = bytearray(whole if rng.random() < 0.7 else whole[: rng.integers(1, len(whole))])

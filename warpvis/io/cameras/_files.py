@@ -22,7 +22,8 @@ from warpvis.io._files import read_lines
 from warpvis.io.cameras._colmap import colmap_camera
 from warpvis.io.cameras._json import bop_camera, bop_images_camera, is_bop, is_nerfstudio, nerfstudio_camera
 from warpvis.io.cameras._making import NoPinholeError, image_size, make_camera
-from warpvis.io.cameras._yaml import xml_camera, yaml_camera
+from warpvis.io.cameras._opencv import is_opencv, opencv_camera, xml_camera
+from warpvis.io.cameras._yaml import yaml_camera
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
@@ -51,7 +52,7 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
     - COLMAP's ``cameras.txt`` and ``cameras.bin`` with a single camera.
     - ``calibration.txt`` next to the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
     - YAML of ROS's camera_calibration, and Kalibr's camchain (``camchain.yaml:cam1``).
-    - With `distortion`: YAML and XML of OpenCV's calibration, too.
+    - JSON of OpenCV's calibration, and with `distortion`, its YAML and XML, too.
 
     Other systems' cameras have no range: `near` is 0 and `far` infinite; use `dataclasses.replace` to set them.
 
@@ -101,6 +102,8 @@ def _read(path: Path, name: str, distortion: bool) -> ImageCamera | None:
     fields = read_json(path)
     if not isinstance(fields, dict):
         raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
+    if is_opencv(fields):
+        return opencv_camera(path, fields, distortion=distortion)
     if is_nerfstudio(fields):
         return nerfstudio_camera(path, fields, distortion=distortion)
     if is_bop(fields):

@@ -12,24 +12,17 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any
 
 from warpvis.cameras import ImageCamera
 from warpvis.cameras.lenses import lens_from_kalibr
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import describe_exception, is_number
+from warpvis.core.checks import is_number
 from warpvis.core.file_content import load_yaml
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._making import checked, make_camera
-
-_NAMES = {
-    "matrix": ("camera_matrix", "Camera_Matrix", "cameraMatrix"),
-    "lens": ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs"),
-    "width": ("image_width", "image_Width", "imageWidth"),
-    "height": ("image_height", "image_Height", "imageHeight"),
-}
-"""Keys in files of OpenCV's samples, old and new, and of ROS."""
+from warpvis.io.cameras._opencv import has_opencv_names, opencv_camera
 
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
 
@@ -43,7 +36,7 @@ def yaml_camera(path: Path, name: str = "", *, distortion: bool) -> ImageCamera:
         distortion: See `make_camera`; OpenCV's files require it.
     """
     data = _load(path)
-    if distortion and any(found in data for names in _NAMES.values() for found in names):
+    if distortion and has_opencv_names(data):
         return opencv_camera(path, _only(path, data, name))
     if not distortion and "image_width" in data:
         return _ros_camera(path, _only(path, data, name))
@@ -52,53 +45,6 @@ def yaml_camera(path: Path, name: str = "", *, distortion: bool) -> ImageCamera:
     problem = "" if model == "pinhole" else f"camera_model {shorten(model)}"
     size = as_numbers(entry.get("resolution"), (2,), f"{place}: resolution").tolist()
     return make_camera(place, size, partial(lens_from_kalibr, entry), distortion=distortion, model=problem)
-
-
-def xml_camera(path: Path) -> ImageCamera:
-    """Read the camera of an OpenCV XML file, with its lens."""
-    from xml.etree import ElementTree
-
-    try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the last two for unknown encodings
-        raise FileFormatError(f"{path}: is not XML: {describe_exception(error)}") from None
-    data: dict[str, Any] = {}
-    for item in root:
-        numbers = item.findtext("data")
-        text = (item.text or "").strip()
-        data[item.tag] = text if numbers is None else {"data": [_number(word) for word in numbers.split()]}
-        if numbers is None:
-            data[item.tag] = _number(text)
-    return opencv_camera(path, data)
-
-
-def opencv_camera(path: Path, data: Mapping[str, Any]) -> ImageCamera:
-    """Create the camera of the raw images from OpenCV's or ROS's calibration."""
-    entries = {}
-    for key, names in _NAMES.items():
-        found = [data[name] for name in names if name in data]
-        if not found and key != "lens":
-            raise FileFormatError(f"{path}: holds no camera of ROS or OpenCV: {names[0]} is missing")
-        entries[key] = found[0] if found else None
-    matrix, lens = entries["matrix"], entries["lens"]
-    numbers = as_numbers(matrix.get("data") if isinstance(matrix, dict) else matrix, (9,), f"{path}: camera matrix")
-    d = lens.get("data", []) if isinstance(lens, dict) else lens
-    size, model = (entries["width"], entries["height"]), data.get("distortion_model")
-    k = numbers.reshape(3, 3)
-    if model is not None:
-        info = SimpleNamespace(width=size[0], height=size[1], k=k, d=d or [], distortion_model=str(model))
-        return checked(str(path), partial(Camera.from_raw_camera_info, info))
-    kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
-    return checked(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
-
-
-def _number(word: str) -> float | str:
-    try:
-        return float(word)
-    except ValueError:
-        return word
 
 
 def _only(path: Path, data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
