@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from PIL import Image
 from pose_samples import nerfstudio
 
 import warpvis as wv
@@ -51,15 +52,43 @@ def test_opencv_files(ending, tmp_path):
     np.testing.assert_allclose(plain.to_K(pixel_center=0.0), K)
 
 
-def test_opencv_json_without_distortion(tmp_path):
-    path = file_of_opencv(tmp_path / "camera.json", D)
-    with pytest.warns(IntrinsicsWarning, match=r"camera\.json: the lens has distortion, which is not rendered"):
+@pytest.mark.parametrize("ending", ["xml", "json"])
+def test_opencv_files_without_distortion(ending, tmp_path):
+    path = file_of_opencv(tmp_path / f"camera.{ending}", D)
+    with pytest.warns(IntrinsicsWarning, match=rf"camera\.{ending}: the lens has distortion, which is not rendered"):
         camera = load_camera(path)
     assert isinstance(camera, wv.Camera) and (camera.width, camera.height) == (64, 48)
     np.testing.assert_allclose(camera.to_K(pixel_center=0.0), K)
-    path = file_of_opencv(tmp_path / "fisheye.json", FISHEYE, fisheye_model=1)
-    with pytest.raises(FileFormatError, match=r"fisheye\.json: the lens with fisheye_model 1 is not a pinhole"):
+    path = file_of_opencv(tmp_path / f"fisheye.{ending}", FISHEYE, fisheye_model=1)
+    with pytest.raises(FileFormatError, match=rf"fisheye\.{ending}: the lens with fisheye_model 1 is not a pinhole"):
         load_camera(path)
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+def test_opencv_stereo_files(ending, tmp_path):
+    """As `stereo_calib.cpp` writes them: M1, D1, M2 and D2, without the image size."""
+    cv2 = pytest.importorskip("cv2")
+    pytest.importorskip("ruamel.yaml")
+    path = tmp_path / f"intrinsics.{ending}"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in {"M1": K, "D1": np.array([D]), "M2": K + np.diag([9.0, 9, 0]), "D2": np.array([D])}.items():
+        storage.write(name, value)
+    storage.release()
+    with pytest.raises(FileFormatError, match=r"must have image_width and image_height \[px\], or .*, got none"):
+        load_camera(f"{path}:M1", distortion=True)
+    for name in ("left01.jpg", "right01.jpg"):
+        Image.new("L", (64, 48)).save(tmp_path / name)
+    same_lens(load_camera(f"{path}:M1", distortion=True), lenses.OpenCVPinhole(*F, D))
+    same_lens(load_camera(f"{path}:M2", distortion=True), lenses.OpenCVPinhole(69, 67, *F[2:], D))
+    with pytest.warns(IntrinsicsWarning, match="the lens has distortion, which is not rendered"):
+        assert load_camera(f"{path}:M2").fx == 69
+    with pytest.raises(FileFormatError, match=r"has the cameras M1, M2; choose one as .*:M1"):
+        load_camera(path, distortion=True)
+    with pytest.raises(FileFormatError, match="has no camera 'cam0'; it has M1, M2"):
+        load_camera(f"{path}:cam0", distortion=True)
+    Image.new("L", (32, 24)).save(tmp_path / "left02.png")
+    with pytest.raises(FileFormatError, match="one size next to it, got several: 32x24, 64x48 pixels"):
+        load_camera(f"{path}:M1", distortion=True)
 
 
 @pytest.mark.slow
@@ -116,6 +145,8 @@ MATRIX = {"type_id": "opencv-matrix", "rows": 3, "cols": 3, "dt": "d", "data": K
 SIZE = {"image_width": 64, "image_height": 48}
 BAD = {
     "json's size": ("a.json", {"camera_matrix": MATRIX, "image_width": 64}, "OpenCV: image_height is missing"),
+    "json's stereo": ("a.json", SIZE | {"M1": MATRIX}, r"a\.json: has M1 without its distortion coefficients, D1"),
+    "stereo's size": ("a.json", {"M2": MATRIX, "D2": [0] * 5, "image_width": 64}, "image_height is missing"),
     "json's matrix": ("a.json", SIZE | {"camera_matrix": MATRIX | {"data": [1]}}, "camera matrix must be"),
     "json's other": ("a.json", SIZE | {"R": MATRIX}, r"a\.json: holds no camera of ROS or OpenCV: camera_matrix is"),
     "json's lens": (
@@ -165,11 +196,21 @@ def test_mutated_files_are_read_or_rejected(tmp_path):
     colmap_binary(tmp_path, 7, (*F, 0.9))
     put(tmp_path / "transforms.json", NERF | {"k1": 0.1})
     put(tmp_path / "eye.json", SIZE | {"camera_matrix": MATRIX})
+    put(tmp_path / "pair.json", SIZE | {"M1": MATRIX, "D1": [0.1] * 5})
     put(tmp_path / "eye.yaml", ROS_YAML), put(tmp_path / "chain.yaml", KALIBR)
     put(tmp_path / "eye.xml", XML.format("<camera_matrix><data>60 0 31 0 58 25 0 0 1</data></camera_matrix>"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for name in ("cameras.txt", "cameras.bin", "transforms.json", "eye.yaml", "chain.yaml", "eye.xml", "eye.json"):
+        for name in (
+            "cameras.txt",
+            "cameras.bin",
+            "transforms.json",
+            "eye.yaml",
+            "chain.yaml",
+            "eye.xml",
+            "eye.json",
+            "pair.json",
+        ):
             whole = (tmp_path / name).read_bytes()
             for _ in range(40):
                 data = bytearray(whole if rng.random() < 0.7 else whole[: rng.integers(1, len(whole))])

@@ -52,7 +52,8 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
     - COLMAP's ``cameras.txt`` and ``cameras.bin`` with a single camera.
     - ``calibration.txt`` next to the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
     - YAML of ROS's camera_calibration, and Kalibr's camchain (``camchain.yaml:cam1``).
-    - JSON of OpenCV's calibration, and with `distortion`, its YAML and XML, too.
+    - JSON and XML of OpenCV's calibration, and with `distortion`, its YAML, too.
+    - ``intrinsics.yml`` of OpenCV's sample of stereo calibration: ``intrinsics.yml:M1`` or ``:M2``.
 
     Other systems' cameras have no range: `near` is 0 and `far` infinite; use `dataclasses.replace` to set them.
 
@@ -91,10 +92,10 @@ def _read(path: Path, name: str, distortion: bool) -> ImageCamera | None:
     kind = path.suffix.lower()
     if kind in (".yaml", ".yml"):
         return yaml_camera(path, name, distortion=distortion)
-    if name:
-        raise FileFormatError(f"{path}: a camera name after a colon is only for YAML files, got {name!r}")
-    if kind == ".xml" and distortion:
-        return xml_camera(path)
+    if kind == ".xml":
+        return xml_camera(path, name, distortion=distortion)
+    if name and kind != ".json":
+        raise FileFormatError(f"{path}: a camera name after a colon is only for YAML, XML and JSON, got {name!r}")
     if path.name in ("cameras.txt", "cameras.bin"):
         return colmap_camera(path, distortion=distortion)
     if path.name == _TUM_FILE:
@@ -103,7 +104,9 @@ def _read(path: Path, name: str, distortion: bool) -> ImageCamera | None:
     if not isinstance(fields, dict):
         raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
     if is_opencv(fields):
-        return opencv_camera(path, fields, distortion=distortion)
+        return opencv_camera(path, fields, name, distortion=distortion)
+    if name:
+        raise FileFormatError(f"{path}: holds one camera, so it takes no name {name!r}")
     if is_nerfstudio(fields):
         return nerfstudio_camera(path, fields, distortion=distortion)
     if is_bop(fields):

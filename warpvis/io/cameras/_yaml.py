@@ -22,7 +22,7 @@ from warpvis.core.file_content import load_yaml
 from warpvis.errors import FileFormatError
 from warpvis.io._files import as_numbers, shorten
 from warpvis.io.cameras._making import checked, make_camera
-from warpvis.io.cameras._opencv import has_opencv_names, opencv_camera
+from warpvis.io.cameras._opencv import has_opencv_names, is_stereo, opencv_camera
 
 _MATRICES = {"camera_matrix": 9, "projection_matrix": 12}
 
@@ -32,12 +32,12 @@ def yaml_camera(path: Path, name: str = "", *, distortion: bool) -> ImageCamera:
 
     Args:
         path: The file.
-        name: Name of a Kalibr camera, ``cam0``; required if there are several.
-        distortion: See `make_camera`; OpenCV's files require it.
+        name: Name of a Kalibr camera, ``cam0``, or of OpenCV's stereo pair, ``M1``; required if there are several.
+        distortion: See `make_camera`; OpenCV's files of one camera require it.
     """
     data = _load(path)
-    if distortion and has_opencv_names(data):
-        return opencv_camera(path, _only(path, data, name))
+    if is_stereo(data) or (distortion and has_opencv_names(data)):
+        return opencv_camera(path, data, name, distortion=distortion)
     if not distortion and "image_width" in data:
         return _ros_camera(path, _only(path, data, name))
     place, entry = _choose(path, data, name)
