@@ -60,8 +60,16 @@ def test_opencv_files_without_distortion(ending, tmp_path):
     assert isinstance(camera, wv.Camera) and (camera.width, camera.height) == (64, 48)
     np.testing.assert_allclose(camera.to_K(pixel_center=0.0), K)
     path = file_of_opencv(tmp_path / f"fisheye.{ending}", FISHEYE, fisheye_model=1)
-    with pytest.raises(FileFormatError, match=rf"fisheye\.{ending}: the lens with fisheye_model 1 is not a pinhole"):
+    with pytest.raises(FileFormatError, match=rf"fisheye\.{ending}: the lens KannalaBrandt is not a pinhole"):
         load_camera(path)
+
+
+def test_ros_json_without_distortion_is_a_pinhole(tmp_path):
+    lens = {"distortion_model": "plumb_bob", "distortion_coefficients": list(D)}
+    path = put(tmp_path / "eye.json", SIZE | {"camera_matrix": MATRIX} | lens)
+    same_lens(load_camera(path, distortion=True), lenses.OpenCVPinhole(*F, D))
+    with pytest.warns(IntrinsicsWarning, match="the lens has distortion, which is not rendered"):
+        assert isinstance(load_camera(path), wv.Camera)
 
 
 @pytest.mark.parametrize("ending", ["yml", "xml", "json"])

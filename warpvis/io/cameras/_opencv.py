@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from warpvis.cameras import ImageCamera
+from warpvis.cameras.lenses import OpenCVPinhole
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception
 from warpvis.errors import FileFormatError
@@ -92,12 +93,14 @@ def opencv_camera(path: Path, data: Mapping[str, Any], name: str = "", *, distor
     k = numbers.reshape(3, 3)
     if model is not None:
         info = SimpleNamespace(width=size[0], height=size[1], k=k, d=d or [], distortion_model=str(model))
-        return checked(str(path), partial(Camera.from_raw_camera_info, info))
-    kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
-    camera = checked(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
+        camera = checked(str(path), partial(Camera.from_raw_camera_info, info))
+    else:
+        kind: Literal["pinhole", "fisheye"] = "fisheye" if data.get("fisheye_model") in (1, True) else "pinhole"
+        camera = checked(str(path), lambda: Camera.from_opencv(k, d, *size, model=kind))  # type: ignore[arg-type]  # it checks
     if distortion:
         return camera
-    lens, problem = camera.lens, "" if kind == "pinhole" else "the lens with fisheye_model 1"
+    lens = camera.lens
+    problem = "" if isinstance(lens, OpenCVPinhole) else f"the lens {type(lens).__name__}"
     return make_camera(str(path), (camera.width, camera.height), lambda: lens, distortion=False, model=problem)
 
 
