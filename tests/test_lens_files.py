@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lenses in camera files of other systems."""
 
+import math
 import warnings
 
 import numpy as np
@@ -145,6 +146,15 @@ def test_nerfstudio_transforms(tmp_path):
     same_lens(load_camera(put(path, each), distortion=True), lenses.OpenCVPinhole(*F, D[:4]))
     fish = dict(zip(("k1", "k2", "k3", "k4"), FISHEYE, strict=True)) | {"camera_model": "OPENCV_FISHEYE"}
     same_lens(load_camera(put(path, nerfstudio() | NERF | fish), distortion=True), lenses.KannalaBrandt(*F, FISHEYE))
+    angle = {"camera_angle_x": 2 * math.atan(32 / 60), "w": 64, "h": 48, "is_fisheye": True, "k1": 0.1, "k4": 0.001}
+    lens = lenses.KannalaBrandt(60, 60, 32, 24, (0.1, 0, 0, 0.001))
+    same_lens(load_camera(put(path, {"frames": nerfstudio()["frames"]} | angle), distortion=True), lens)
+    each["frames"][-1]["fl_x"] = 61.0
+    with (
+        pytest.warns(IntrinsicsWarning, match=r"different cameras, such as .*fx=60.* and .*fx=61"),
+        pytest.raises(FileFormatError, match="holds no camera of all images"),
+    ):
+        load_camera(put(path, each), distortion=True)
     assert load_camera("kinect", distortion=True) == wv.Camera.kinect()
 
 
