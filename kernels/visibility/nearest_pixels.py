@@ -55,7 +55,7 @@ class Nearest:
     """The nearest pixel that differs."""
 
     squared: wp.int64
-    """Squared distance, in units of the spot's place; greater than the limit of the search if there is none."""
+    """Squared distance, in units of the spot's place; greater than the limit of the search if no pixel was found."""
     x: int
     y: int
     """Column and row; -1 or the image's width or height beyond the border."""

@@ -228,8 +228,8 @@ def place_objects(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the center [m], ``(V, 3)``, and rotation, ``(V, 3, 3)``, of the box of one or several objects.
 
-    Boxes are aligned with the frame with which all objects move, and with the world, whose rotation is the identity, if
-    there is none.
+    Boxes are aligned with the frame with which all objects move; without a common frame, with the world, whose rotation
+    is the identity.
 
     Args:
         scene: The scene.

@@ -116,8 +116,8 @@ class FractionMeter:
             )
         self._scene, self._camera, self._device = scene, camera, scene.device
         self.names, groups = _parse_targets(scene, objects)
-        self._min_samples = check_whole(min_samples, "min_samples")
-        if self._min_samples > _MAX_SAMPLES:
+        min_samples = check_whole(min_samples, "min_samples")
+        if min_samples > _MAX_SAMPLES:
             raise ArrayError(f"min_samples must be at most {_MAX_SAMPLES}, got {min_samples}")
         self._occluders = check_whole(occluders, "occluders", minimum=0)
         if self._occluders > _MAX_OCCLUDERS:
@@ -134,7 +134,7 @@ class FractionMeter:
         canvas_struct, (left, top, right, bottom) = self._sampling.canvas, check_canvas(canvas, camera)
         canvas_struct.x0, canvas_struct.y0 = -left, -top
         canvas_struct.x1, canvas_struct.y1 = camera.width + right, camera.height + bottom
-        self._sampling.min_samples = self._min_samples
+        self._sampling.min_samples = min_samples
         self._sampling.cull_backfaces = check_flag(cull_backfaces, "cull_backfaces")
         clips = check_choice(near_plane, "near_plane", get_args(NearPlane)) == "clip"
         self._device_camera = camera.device_struct(clip_near=clips)
@@ -194,9 +194,9 @@ class FractionMeter:
         views, count, device = len(poses), len(self.names), self._device
         self.follow_scene()
         result = self._allocate(shape or (views,)) if out is None else self._checked(out, shape or (views,))
-        arrays = [getattr(result, name) for name in (*_RESULTS, "occluders", "occluder_shares")]
+        arrays = {name: getattr(result, name) for name in self._layout(())}
         if len(shape) > 1:
-            arrays = [array.reshape((views, *array.shape[len(shape) :])) for array in arrays]
+            arrays = {name: array.reshape((views, *array.shape[len(shape) :])) for name, array in arrays.items()}
         spread = self._frames.spread(worlds)
         max_bytes = _CPU_BYTES if device.is_cpu else _CUDA_BYTES
         step = max(1, max_bytes // (4 * count * (FRACTION_COUNTERS + len(self._scene))))
@@ -208,14 +208,15 @@ class FractionMeter:
             hidden_by = wp.zeros((size, count, len(self._scene)), dtype=wp.int32, device=device)
             part_worlds, part_spread = (worlds, spread) if whole else (part_of(worlds, part), part_of(spread, part))
             self._count(poses if whole else poses[part], part_worlds, part_spread, counts, hidden_by)
-            self._judge(counts, hidden_by, arrays if whole else [take_rows(array, part) for array in arrays])
+            rows = arrays if whole else {name: take_rows(array, part) for name, array in arrays.items()}
+            self._judge(counts, hidden_by, rows)
         return result
 
-    def _judge(self, counts: wp.array, hidden_by: wp.array, results: list[wp.array]) -> None:
-        """Write results, in the order of the fields of `FractionResults`, from the counters of views."""
+    def _judge(self, counts: wp.array, hidden_by: wp.array, results: dict[str, wp.array]) -> None:
+        """Write results, the fields of `FractionResults`, from the counters of views."""
         from warpvis.kernels.visibility.fraction_results import judge_fractions
 
-        write_fields(self._results, **dict(zip((*_RESULTS, "occluders", "occluder_shares"), results, strict=True)))
+        write_fields(self._results, **results)
         inputs = [counts, hidden_by, self._camera.width * self._camera.height, self._results]
         if not self._device.is_cpu:
             launch(judge_fractions, counts.shape[1:], inputs, self._device)
