@@ -15,6 +15,7 @@ DESKTOP, PHONE = (1400, 900), (390, 844)
 
 _OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _READY_MS = 120_000
+_MAX_ATTEMPTS = 9
 _BETWEEN_PICTURES_MS, _MAX_PICTURES = 1500, 20
 _CHANGING = 1e-3  # share of pixels that may change between frames, such as a frame counter
 _POINTS = 0  # WebGL's POINTS
@@ -63,12 +64,38 @@ def opened(browser, url, size=DESKTOP, *, drawn=True):
     try:
         page.goto(url)
         if drawn:
-            page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
-        with contextlib.suppress(Exception):  # ignore the notification that WebGL is software
-            page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
+            _wait_for_drawing(page)
+        _close_notification(page)
         yield page
     finally:
         page.close()  # a page left open would keep drawing
+
+
+def _wait_for_drawing(page):
+    page.wait_for_function("window.drawn.some(d => d[0] === 4 && d[1] > 300)", timeout=_READY_MS)
+
+
+def _close_notification(page):
+    """Close the notification that WebGL is software."""
+    with contextlib.suppress(Exception):
+        page.locator(".mantine-Notification-closeButton").first.click(timeout=2000)
+
+
+def clients_of_attempts(page, server):
+    """Yield the client of a page whose camera stands still, once an attempt.
+
+    Slow software WebGL may lose a press of the mouse, turn it into a turn of the camera, or lose all of a page: each
+    third attempt loads the page again.
+    """
+    for attempt in range(_MAX_ATTEMPTS):
+        if attempt and attempt % 3 == 0:
+            page.reload()
+            _wait_for_drawing(page)
+            _close_notification(page)
+        assert holds_within(page, lambda: len(server.get_clients()) == 1)
+        (client,) = server.get_clients().values()
+        wait_for_camera(page, client)
+        yield client
 
 
 def holds_within(page, condition, seconds=60):
