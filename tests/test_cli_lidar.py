@@ -30,15 +30,23 @@ def render(monkeypatch, *arguments):
 
 
 def test_one_cloud_is_written_per_pose(folder, monkeypatch, capsys):
-    render(monkeypatch, "--lidar", "os1-128@512x10", "--poses", "walk.txt", "--format", "bin", "npy")
+    render(monkeypatch, "--lidar", "os1-128@512x10", "--poses", "walk.txt", "--format", "bin", "npy", "ply")
     names = sorted(path.relative_to(folder / "scans").as_posix() for path in (folder / "scans").rglob("*.*"))
-    assert names == ["bin/000000.bin", "bin/000001.bin", "npy/000000.npy", "npy/000001.npy"]
+    assert names == [
+        "bin/000000.bin",
+        "bin/000001.bin",
+        "npy/000000.npy",
+        "npy/000001.npy",
+        "ply/000000.ply",
+        "ply/000001.ply",
+    ]
     cloud = np.load(folder / "scans/npy/000001.npy")
     points = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
     # The room is 4 m wide; the lidar looks along its y axis, 0.5 m left of its center.
     walls = np.abs(points - [0, 0.5, 0]) - [2, 2, 1]
     assert np.abs(walls.max(axis=1)).max() < 1e-5
     np.testing.assert_array_equal(np.fromfile("scans/bin/000001.bin", np.float32).reshape(-1, 4)[:, :3], points)
+    np.testing.assert_array_equal(wv.io.read_points("scans/ply/000001.ply"), points)
     assert "clouds: 2 frames, 131072 points" in capsys.readouterr().out
 
 

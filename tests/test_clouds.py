@@ -89,6 +89,30 @@ def test_pcd_header(tmp_path, scan):
         np.testing.assert_array_equal(read[name], whole[name])
 
 
+def test_trimesh_reads_ply(tmp_path, scan, clouds):
+    wv.io.save_cloud(tmp_path / "a.ply", clouds[1])
+    read = trimesh.load(tmp_path / "a.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    assert read.dtype.names == clouds[1].dtype.names
+    for name in clouds[1].dtype.names:
+        assert read.dtype[name] == clouds[1].dtype[name]
+        np.testing.assert_array_equal(read[name], clouds[1][name])
+    whole = sensors.point_clouds(*scan, organized=True)[1]
+    wv.io.save_cloud(tmp_path / "b.ply", whole.astype(whole.dtype.newbyteorder(">")))
+    np.testing.assert_array_equal(
+        wv.io.read_points(tmp_path / "b.ply"),
+        np.stack([whole[axis][np.isfinite(whole["x"])] for axis in "xyz"], axis=-1),
+    )
+
+
+def test_open3d_reads_ply(tmp_path, clouds):
+    open3d = pytest.importorskip("open3d")
+    wv.io.save_cloud(tmp_path / "a.ply", clouds[1])
+    read = open3d.t.io.read_point_cloud(str(tmp_path / "a.ply"))
+    np.testing.assert_array_equal(read.point.positions.numpy(), np.stack([clouds[1][a] for a in "xyz"], axis=-1))
+    for name in ("intensity", "ring", "time", "range"):
+        np.testing.assert_array_equal(read.point[name].numpy()[:, 0], clouds[1][name])
+
+
 def test_laspy_reads_las(tmp_path, clouds):
     laspy = pytest.importorskip("laspy")
     wv.io.save_cloud(tmp_path / "a.las", clouds[1])
@@ -185,7 +209,7 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda p: wv.io.save_cloud(p / "a.ply", named(**XYZ)), 'the ending of path must be ".bin", .* got .\\.ply.'),
+        (lambda p: wv.io.save_cloud(p / "a.xyz", named(**XYZ)), 'the ending of path must be ".bin", .* got .\\.xyz.'),
         (lambda p: wv.io.save_cloud(p / "a.bin", np.zeros((3, 3))), "a cloud must be a NumPy array with named fields"),
         (lambda p: wv.io.save_cloud(p / "a.bin", named(x=("f4", 0))), "must have fields x, y and z, .* got x"),
         (lambda p: wv.io.save_cloud(p / "a.pcd", named(**XYZ, name=("U3", "a"))), "the field name of a cloud must be"),

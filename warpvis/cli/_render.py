@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _FRAMES = (*viewpoint_options[len(scene_options) :], "movable", "worlds")
 _IMAGES = ("outputs", "option", "sensor", "sensor_seed", "sensor_vary")
 
-_CLOUD_FORMATS = ("bin", "pcd", "las", "npy")
+_CLOUD_FORMATS = ("bin", "pcd", "ply", "las", "npy")
 """File formats of point clouds."""
 
 _CLOUD_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
@@ -75,7 +75,8 @@ class Render(ImageOptions):
     """Output folder; each format is written to a subfolder, which must be new or empty."""
     poses: MaybePoses = None
     format: Names = ("npz", "png")
-    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, las or npy, pcd by default."""
+    """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, ply, las or npy, pcd by
+    default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, bpearl, os0-128, os1-128,
     os2-128, an Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward,

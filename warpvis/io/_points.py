@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reader of points, and writers of lidar clouds.
 
-Points are text, NumPy ``.npy`` or ``.ply``; clouds are KITTI's ``.bin``, ``.pcd``, ``.las`` or ``.npy``.
+Points are text, NumPy ``.npy`` or ``.ply``; clouds are KITTI's ``.bin``, ``.pcd``, ``.ply``, ``.las`` or
+``.npy``.
 """
 
 from __future__ import annotations
@@ -28,6 +29,12 @@ _LINE = "x y z"
 
 # TYPE of a PCD field by the kind of a NumPy dtype.
 _PCD_KINDS = {"f": "F", "i": "I", "u": "U"}
+
+# Type of a PLY property by a NumPy dtype. Open3D reads uint16, but skips its synonym ushort.
+_PLY_TYPES = {
+    "i1": "char", "u1": "uchar", "i2": "short", "u2": "uint16",
+    "i4": "int", "u4": "uint", "f4": "float", "f8": "double",
+}  # fmt: skip
 
 # Resolution of LAS coordinates.
 _LAS_SCALE = 0.0001  # m
@@ -102,9 +109,9 @@ def save_cloud(path: str | os.PathLike[str], cloud: NDArray[np.void]) -> None:
 
     Args:
         path: ``.bin``, KITTI's: x, y, z and intensity, float32; ``.pcd``, the Point Cloud Library's, binary, all
-            fields; ``.las``, with `laspy` (``pip install 'warpvis[lidar]'``): coordinates of 0.1 mm, intensity from 0
-            to 1 as 0 to 65535, time as ``gps_time``, and other fields as extra dimensions; ``.npy``, NumPy's, all
-            fields.
+            fields; ``.ply``, binary, all fields as properties; ``.las``, with `laspy` (``pip install
+            'warpvis[lidar]'``): coordinates of 0.1 mm, intensity from 0 to 1 as 0 to 65535, time as ``gps_time``, and
+            other fields as extra dimensions; ``.npy``, NumPy's, all fields.
         cloud: Points with named fields, as returned by `warpvis.sensors.point_clouds`. Points that are NaN are left out
             of all formats except ``.pcd`` and ``.npy``, which keep rows and columns.
 
@@ -126,7 +133,7 @@ def save_clouds(
     Args:
         folder: Output folder, which is created if it does not exist.
         clouds: Point clouds, as for `save_cloud`.
-        suffix: The format, ``".bin"``, ``".pcd"``, ``".las"`` or ``".npy"``.
+        suffix: The format, ``".bin"``, ``".pcd"``, ``".ply"``, ``".las"`` or ``".npy"``.
         first: Number of the first file.
 
     Returns:
@@ -150,13 +157,25 @@ def save_clouds(
 
 
 def _writer(suffix: str, name: str) -> Callable[[Path, NDArray[np.void]], None]:
-    writers = {".bin": _write_kitti, ".pcd": _write_pcd, ".las": _write_las, ".npy": _write_npy}
+    writers = {
+        ".bin": _write_kitti, ".pcd": _write_pcd, ".ply": _write_ply, ".las": _write_las, ".npy": _write_npy,
+    }  # fmt: skip
     return writers[check_choice(suffix, f"the ending of {name}" if name == "path" else name, writers, FileFormatError)]
 
 
 def _finite(cloud: NDArray[np.void]) -> NDArray[np.void]:
     flat = cloud.reshape(-1)
     return flat[np.isfinite(flat["x"])]
+
+
+def _pack(cloud: NDArray[np.void]) -> NDArray[np.void]:
+    """Return a cloud with little-endian fields and without padding."""
+    packed = np.empty(
+        cloud.shape, dtype=[(name, cloud.dtype[name].newbyteorder("<")) for name in cloud.dtype.names or ()]
+    )
+    for name in cloud.dtype.names or ():
+        packed[name] = cloud[name]
+    return packed
 
 
 def _write_kitti(path: Path, cloud: NDArray[np.void]) -> None:
@@ -173,11 +192,9 @@ def _write_npy(path: Path, cloud: NDArray[np.void]) -> None:
 
 def _write_pcd(path: Path, cloud: NDArray[np.void]) -> None:
     """Write PCD 0.7, binary (pointclouds.org, "The PCD (Point Cloud Data) file format")."""
-    names = cloud.dtype.names or ()
-    kinds = [cloud.dtype[name].newbyteorder("<") for name in names]
-    packed = np.empty(cloud.size, dtype=list(zip(names, kinds, strict=True)))
-    for name in names:
-        packed[name] = cloud[name].reshape(-1)
+    packed = _pack(cloud.reshape(-1))
+    names = packed.dtype.names or ()
+    kinds = [packed.dtype[name] for name in names]
     rows, columns = cloud.shape if cloud.ndim == 2 else (1, cloud.size)
     header = (
         "# .PCD v0.7 - Point Cloud Data file format\n"
@@ -190,6 +207,16 @@ def _write_pcd(path: Path, cloud: NDArray[np.void]) -> None:
         "VIEWPOINT 0 0 0 1 0 0 0\n"
         f"POINTS {cloud.size}\nDATA binary\n"
     )
+    path.write_bytes(header.encode("ascii") + packed.tobytes())
+
+
+def _write_ply(path: Path, cloud: NDArray[np.void]) -> None:
+    """Write PLY 1.0, binary little-endian, with one property per field."""
+    packed = _pack(_finite(cloud))
+    properties = "".join(
+        f"property {_PLY_TYPES[packed.dtype[name].str[1:]]} {name}\n" for name in packed.dtype.names or ()
+    )
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(packed)}\n{properties}end_header\n"
     path.write_bytes(header.encode("ascii") + packed.tobytes())
 
 
