@@ -78,6 +78,7 @@ def depth_sensor_cases(path):
                 "full_signal": 0.2,
                 "reflectivity": {"box": 0.5},
                 "dropout": 0.1,
+                "hole_spacing": 2,
                 "native_camera": CAMERA,
             },
         ),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from reference_random import draw_normals, random_words, to_uniform
+from scipy.stats import norm
 
 from warpvis import Camera
 from warpvis.core.poses import poses_to_matrices
@@ -60,14 +61,12 @@ def noise_weights(spacing: int) -> NDArray[np.float64]:
 
 
 def smooth_noise(
-    views: NDArray, frames: NDArray, shape: tuple[int, int], seed: int, spacing: int
+    views: NDArray, frames: NDArray, shape: tuple[int, int], seed: int, spacing: int, stream: int = STREAM_DISPARITY
 ) -> NDArray[np.float64]:
-    """Return standard normal numbers interpolated between nodes, (V, H, W)."""
+    """Return standard normal numbers of a stream, interpolated between nodes, (V, H, W)."""
     if spacing == 1:
-        return draw_normals(views, frames, shape, seed, STREAM_DISPARITY)
-    nodes = draw_normals(
-        views, frames, ((shape[0] - 1) // spacing + 2, (shape[1] - 1) // spacing + 2), seed, STREAM_DISPARITY
-    )
+        return draw_normals(views, frames, shape, seed, stream)
+    nodes = draw_normals(views, frames, ((shape[0] - 1) // spacing + 2, (shape[1] - 1) // spacing + 2), seed, stream)
     weights = noise_weights(spacing)
     rows, columns = np.arange(shape[0]), np.arange(shape[1])
     down, across = weights[rows % spacing], weights[columns % spacing]
@@ -76,15 +75,20 @@ def smooth_noise(
     return above[:, :, columns] * across[:, 0] + above[:, :, columns + 1] * across[:, 1]
 
 
-def noise_correlation(spacing: int, lag: int) -> float:
-    """Return the correlation of pixels `lag` apart along one axis, averaged over positions between nodes."""
-    weights, total = noise_weights(spacing), 0.0
+def noise_correlations(spacing: int, lag: int) -> NDArray[np.float64]:
+    """Return the correlation of pixels `lag` apart along one axis, by the first one's position between nodes."""
+    weights, found = noise_weights(spacing), np.zeros(spacing)
     for first in range(spacing):
         second = first + lag
         apart = second // spacing
         one, two = weights[first], weights[second % spacing]
-        total += sum(one[i] * two[i - apart] for i in range(2) if 0 <= i - apart < 2)
-    return total / spacing
+        found[first] = sum(one[i] * two[i - apart] for i in range(2) if 0 <= i - apart < 2)
+    return found
+
+
+def noise_correlation(spacing: int, lag: int) -> float:
+    """Return the correlation of pixels `lag` apart along one axis, averaged over positions between nodes."""
+    return float(noise_correlations(spacing, lag).mean())
 
 
 def edge_supports(sensor: StereoDepth, scale: float, depth: NDArray) -> NDArray[np.float64]:
@@ -134,7 +138,10 @@ def measure_stereo(
         found = np.floor(found * sensor.subpixel + 0.5) / sensor.subpixel
     with np.errstate(divide="ignore"):
         said = scale / found
-    chance = to_uniform(random_words(views, frames, shape, seed, STREAM_DROPOUT))
+    if sensor.hole_spacing > 1:
+        chance = norm.cdf(smooth_noise(views, frames, shape, seed, sensor.hole_spacing, STREAM_DROPOUT))
+    else:
+        chance = to_uniform(random_words(views, frames, shape, seed, STREAM_DROPOUT))
     reason = np.full(depth.shape, int(Reason.VALID))
 
     def decide(which: NDArray, what: Reason, margin: NDArray) -> None:

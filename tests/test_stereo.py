@@ -52,8 +52,8 @@ def twin(scene, sensor, camera, poses, seen, draws, seed):
     "sensor",
     [
         FULL,
-        dataclasses.replace(FULL, other_eye="left", noise_spacing=1, subpixel=0, locking=-0.1),
-        dataclasses.replace(FULL, band=False, edge_window=1, min_support=0.0, reflectivity=1.0),
+        dataclasses.replace(FULL, other_eye="left", noise_spacing=1, subpixel=0, locking=-0.1, hole_spacing=5),
+        dataclasses.replace(FULL, band=False, edge_window=1, min_support=0.0, reflectivity=1.0, hole_spacing=4),
         dataclasses.replace(FULL, focal_length=200.0, full_signal=0.0, min_signal=0.0, max_disparity=np.inf),
     ],
     ids=["full", "left", "no band", "focal length"],
@@ -190,7 +190,8 @@ def test_rows_equal_single_pixels(monkeypatch, width):
     """Bit for bit for rows of any length: formulas for 16 pixels at a time, and the same for one pixel, as on a GPU."""
     camera = dataclasses.replace(CAMERA, width=width, cx=width / 2)
     options = {"outputs": OUTPUTS, "seed": 4, "frame": 0}
-    for sensor in (FULL, dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)):
+    white = dataclasses.replace(FULL, noise_spacing=1, other_eye="left", edge_window=9, subpixel=0)
+    for sensor in (FULL, white, dataclasses.replace(FULL, hole_spacing=4), dataclasses.replace(FULL, hole_spacing=5)):
         rows = images(wv.render(make_scene(), camera, POSES, sensor=sensor, **options))
         with monkeypatch.context() as patch:
             compute_one_pixel_at_a_time(patch, "stereo")
@@ -253,6 +254,8 @@ def test_native_camera_is_returned_or_missing():
         ({"min_signal": 0.2, "full_signal": 0.1}, "full_signal must be above min_signal, got 0.1 and 0.2"),
         ({"min_signal": 0.2}, "full_signal must be above min_signal"),
         ({"dropout": 2.0}, "dropout must be a number from 0 to 1"),
+        ({"hole_spacing": 0}, "hole_spacing must be a whole number from 1 up"),
+        ({"hole_spacing": 65}, "hole_spacing must be at most 64 px"),
         ({"native_camera": "kinect"}, "native_camera must be a warpvis.Camera"),
     ],
 )

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
-from reference_stereo import noise_correlation
-from scipy import stats
+from reference_stereo import noise_correlation, noise_correlations
+from scipy import ndimage, stats
 
 import warpvis as wv
 from warpvis.sensors import Reason, StereoDepth
@@ -148,6 +148,50 @@ def test_dropout_by_angle_and_reflectivity(angle):
             # The cosine varies by up to 0.01 within the field of view.
             slack = 4 * np.sqrt(share * (1 - share) / reasons.size) + 0.002
             assert abs((reasons == reason).mean() - share) < slack, reason
+
+
+@pytest.mark.smoke("*-0.02-4")
+@pytest.mark.parametrize("spacing", [2, 4, 5, 16])
+@pytest.mark.parametrize("dropout", [0.02, 0.3, 0.97])
+def test_clumps_have_the_rate_of_independent_pixels(dropout, spacing):
+    """At every position between nodes. `apart` is the number of independent clumps."""
+    sensor = StereoDepth(BASELINE, dropout=dropout, hole_spacing=spacing, shadow=False, band=False)
+    _, _, reasons = measured(wall(1.0), sensor, frames=60, seed=3)
+    lost = reasons == Reason.DROPOUT
+    apart = lost.size / (2 * spacing) ** 2
+    deviation = np.sqrt(dropout * (1 - dropout) / apart)
+    assert abs(lost.mean() - dropout) < 4 * deviation
+    for place in range(spacing):
+        assert abs(lost[:, place::spacing, place::spacing].mean() - dropout) < 5 * deviation * np.sqrt(2)
+
+
+@pytest.mark.parametrize("spacing", [2, 4, 5])
+def test_correlation_of_holes_matches_spacing(spacing):
+    """If half of the pixels are lost, both of two pixels are with probability 1/4 + asin(correlation) / 2 pi."""
+    sensor = StereoDepth(BASELINE, dropout=0.5, hole_spacing=spacing, shadow=False, band=False)
+    _, _, reasons = measured(wall(1.0), sensor, frames=60, seed=1)
+    lost = reasons == Reason.DROPOUT
+    apart = lost.size / (2 * spacing) ** 2
+    for lag in range(1, 2 * spacing + 2):
+        expected = np.mean(0.25 + np.arcsin(noise_correlations(spacing, lag)) / (2 * np.pi))
+        assert abs((lost[:, :, lag:] & lost[:, :, :-lag]).mean() - expected) < 5 * 0.5 / np.sqrt(apart)
+        assert abs((lost[:, lag:] & lost[:, :-lag]).mean() - expected) < 5 * 0.5 / np.sqrt(apart)
+    between = (lost[1:] & lost[:-1]).mean()
+    assert abs(between - 0.25) < 4 * 0.5 / np.sqrt(apart)
+
+
+def test_holes_are_clumps_of_the_spacing():
+    """The mean area of connected holes grows with the square of the spacing; independent holes have about one pixel."""
+    areas = {}
+    for spacing in (1, 4, 8):
+        sensor = StereoDepth(BASELINE, dropout=0.1, hole_spacing=spacing, shadow=False, band=False)
+        _, _, reasons = measured(wall(1.0), sensor, frames=20)
+        lost = reasons == Reason.DROPOUT
+        count = sum(ndimage.label(image)[1] for image in lost)
+        areas[spacing] = lost.sum() / count
+    assert 1.0 < areas[1] < 1.5
+    assert 10.0 < areas[4] < 20.0
+    assert 3.0 < areas[8] / areas[4] < 5.0
 
 
 @pytest.mark.parametrize("profile", PROFILES, ids=lambda profile: profile.__name__)

@@ -16,6 +16,18 @@ wp.set_module_options(pixel_options("shared/stereo.h"))
 
 
 @wp.struct
+class SmoothField:
+    """Standard normal numbers at nodes, and the weights that interpolate them; None if every pixel is a node."""
+
+    nodes: wp.array3d[float]
+    spacing: int  # distance of the nodes [px]
+    weights: wp.array[wp.vec2]  # of the two nodes around a pixel, by its position between them
+    column_nodes: wp.array[wp.int32]  # the node to the left of each column, and the weights of both nodes
+    left_weights: wp.array[float]
+    right_weights: wp.array[float]
+
+
+@wp.struct
 class StereoModel:
     """Parameters of `warpvis.sensors.StereoDepth` for a camera, and arrays; None if they are not used."""
 
@@ -32,18 +44,14 @@ class StereoModel:
     sigma: float  # [px]
     locking: float  # [px]
     levels: float  # subpixel steps per pixel of disparity; 0 disables quantization
-    spacing: int  # distance of the nodes between which noise is interpolated [px]
     window: int  # half width of a pixel's matching window [px]
     edge_step: float  # smallest difference in disparity between two surfaces [px]
     other_width: float  # of the other eye's image, for shadows [px]
     added_columns: float  # of that image, to the left of the first one's [px]
     min_depth: float  # nearer points are not projected into that image [m]
     other_depth: wp.array3d[float]  # that the other eye measures at the point of each pixel; None without shadows
-    nodes: wp.array3d[float]  # None if every pixel is a node
-    weights: wp.array[wp.vec2]  # of the two nodes around a pixel, by its position between them
-    column_nodes: wp.array[wp.int32]  # the node to the left of each column, and the weights of both nodes
-    left_weights: wp.array[float]
-    right_weights: wp.array[float]
+    noise: SmoothField  # of disparity
+    holes: SmoothField  # that decides which pixels are lost
     column_slopes: wp.array[float]  # x of the camera-frame ray with z = 1, for each column
     row_slopes: wp.array[float]  # y of that ray, for each row
 

@@ -163,29 +163,30 @@ struct Stereo {
         const Real signal = reflectivity * light.along;
         return Numbers::all((signal * signal >= (full * full) * light.square) | (depth == Numbers::endless()));
     }
-    // Noise interpolated between nodes, with weights whose squares sum to 1. The pixels of a register lie between a few
-    // adjacent nodes.
-    inline Real smooth_noise(int x) const {
-        const auto& nodes = model.nodes;
-        const int spacing = model.spacing, node_row = row.y / spacing, first = model.column_nodes.data[x];
+    // Normal numbers interpolated between the nodes of a `SmoothField`, with weights whose squares sum to 1. The pixels
+    // of a register lie between a few adjacent nodes.
+    template <class Field>
+    inline Real interpolated(const Field& field, int x) const {
+        const auto& nodes = field.nodes;
+        const int spacing = field.spacing, node_row = row.y / spacing, first = field.column_nodes.data[x];
         const int count = nodes.shape[2] - first;
         const float* above = nodes.data + ((long long)row.view * nodes.shape[1] + node_row) * nodes.shape[2] + first;
         const float* below = above + nodes.shape[2];
-        const auto& down = model.weights.data[row.y - node_row * spacing];
+        const auto& down = field.weights.data[row.y - node_row * spacing];
         Real between[2];
         for (int side = 0; side < 2; ++side) {
             const Real upper = Numbers::load(above + side, count - side);
             const Real lower = Numbers::load(below + side, count - side);
             between[side] = upper * down[0] + lower * down[1];
         }
-        const Real left = Numbers::load(model.left_weights.data + x, row.count(x));
-        const Real right = Numbers::load(model.right_weights.data + x, row.count(x));
+        const Real left = Numbers::load(field.left_weights.data + x, row.count(x));
+        const Real right = Numbers::load(field.right_weights.data + x, row.count(x));
         if (Numbers::repeats(spacing))
             return left * Numbers::repeated(between[0], spacing) + right * Numbers::repeated(between[1], spacing);
         float stored[2][Numbers::PIXELS], at_pixels[2][Numbers::PIXELS] = {};
         for (int side = 0; side < 2; ++side) Numbers::store(stored[side], between[side], Numbers::PIXELS);
         for (int k = 0; k < Numbers::PIXELS && x + k < row.width; ++k) {
-            const int node = model.column_nodes.data[x + k] - first;
+            const int node = field.column_nodes.data[x + k] - first;
             at_pixels[0][k] = stored[0][node];
             at_pixels[1][k] = stored[1][node];
         }
@@ -196,7 +197,7 @@ struct Stereo {
     // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
         Words noise, chance;
-        const bool white = model.sigma > 0.0f && !model.nodes.data;
+        const bool white = model.sigma > 0.0f && !model.noise.nodes.data;
         bool has_chance = false;
         if (white) noise = row.draw(STREAM_DISPARITY, x);
         const int first = x;
@@ -205,9 +206,11 @@ struct Stereo {
             Pixel pixel = load_pixel(x);
             if (white) pixel.noise = Random<Numbers>::normal(noise.block[k]);
             if (by_chance(x, pixel)) {
-                if (!has_chance) chance = row.draw(STREAM_DROPOUT, first);
+                const bool clumps = model.holes.nodes.data;
+                if (!clumps && !has_chance) chance = row.draw(STREAM_DROPOUT, first);
                 has_chance = true;
-                pixel.chance = Random<Numbers>::uniform(chance.block[k]);
+                pixel.chance = clumps ? Random<Numbers>::cumulative(interpolated(model.holes, x))
+                                      : Random<Numbers>::uniform(chance.block[k]);
             }
             Real depth;
             Whole reason;
@@ -241,7 +244,7 @@ struct Stereo {
         pixel.column = Numbers::columns(x) + 0.5f;
         pixel.support = model.window ? support(x) : one;
         pixel.cosine = one;
-        pixel.noise = model.nodes.data ? smooth_noise(x) : none;
+        pixel.noise = model.noise.nodes.data ? interpolated(model.noise, x) : none;
         pixel.chance = none;
         return pixel;
     }

@@ -20,7 +20,7 @@ from warpvis.core.checks import check_choice, check_flag, check_number, check_wh
 from warpvis.core.kernel_cache import launch
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import ArrayError, CameraError
-from warpvis.kernels.constants import STREAM_DISPARITY
+from warpvis.kernels.constants import STREAM_DISPARITY, STREAM_DROPOUT
 from warpvis.rendering import Exposure
 from warpvis.scene import Scene
 from warpvis.sensors.depth._base import (
@@ -33,7 +33,7 @@ from warpvis.sensors.depth._base import (
 )
 
 if TYPE_CHECKING:
-    from warpvis.kernels.sensors.stereo import StereoModel
+    from warpvis.kernels.sensors.stereo import SmoothField, StereoModel
 
 Side = Literal["right", "left"]
 
@@ -131,6 +131,10 @@ class StereoDepth(Device):
     signal is not checked."""
     dropout: float = 0.0
     """Probability that a pixel is lost at random, from 0 to 1."""
+    hole_spacing: int = 1
+    """Spacing of the nodes between which the random numbers that decide on the loss of pixels are interpolated [px].
+    Pixels have the same probability as with 1, which loses each of them independently, but are lost in clumps, as if by
+    matching windows of about twice this size."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -157,6 +161,7 @@ class StereoDepth(Device):
         if full <= min_signal and full + min_signal > 0:
             raise ArrayError(f"full_signal must be above min_signal, got {full:g} and {min_signal:g}")
         check_number(self.dropout, "dropout", minimum=0.0, maximum=1.0)
+        _check_at_most(check_whole(self.hole_spacing, "hole_spacing"), "hole_spacing", _MAX_SPACING)
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
@@ -167,11 +172,16 @@ class StereoDepth(Device):
     def bytes_per_pixel(self) -> int:
         """Scratch memory per pixel [B]."""
         fattened = 8 + (12 if "normals" in self.needs else 0) + (4 if "segmentation" in self.needs else 0)
-        return (12 if self.shadow else 0) + (4 if self._smooth else 0) + (fattened if self.fattening else 0)
+        nodes = 4 * (self._has_smooth_noise + self._has_clumps)
+        return (12 if self.shadow else 0) + nodes + (fattened if self.fattening else 0)
 
     @property
-    def _smooth(self) -> bool:
+    def _has_smooth_noise(self) -> bool:
         return self.sigma > 0 and self.noise_spacing > 1
+
+    @property
+    def _has_clumps(self) -> bool:
+        return self.hole_spacing > 1 and (self.full_signal > 0 or self.dropout > 0)
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera if it can be used with the sensor and the scene."""
@@ -244,27 +254,41 @@ class StereoDepth(Device):
         model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if checks_signal else 1.0
         model.detection_rate = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
-        model.spacing = self.noise_spacing
         model.column_slopes, model.row_slopes = _slopes(camera, exposure.scene.device)
-        if self._smooth:
-            self._draw_nodes(exposure, model)
+        if self._has_smooth_noise:
+            model.noise = _draw_field(exposure, STREAM_DISPARITY, self.noise_spacing)
+        if self._has_clumps:
+            model.holes = _draw_field(exposure, STREAM_DROPOUT, self.hole_spacing)
         return model
 
-    def _draw_nodes(self, exposure: Exposure, model: StereoModel) -> None:
-        """Draw noise at the nodes of each view, and set the interpolation weights of pixels."""
-        views, height, width = exposure.true_depth.shape
-        device, spacing = exposure.scene.device, self.noise_spacing
-        shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
-        model.nodes = draw_normal_image(exposure, STREAM_DISPARITY, "nodes", shape)
-        angles = np.arange(spacing) / spacing * (math.pi / 2)
-        weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
-        column_weights = weights[np.arange(width) % spacing].T.copy()
-        columns = np.arange(width, dtype=np.int32) // spacing
-        model.weights = wp.array(weights, dtype=wp.vec2, device=device)
-        model.column_nodes = wp.array(columns, dtype=wp.int32, device=device)
-        model.left_weights, model.right_weights = (
-            wp.array(side, dtype=wp.float32, device=device) for side in column_weights
-        )
+
+def _draw_field(exposure: Exposure, stream: int, spacing: int) -> SmoothField:
+    """Draw normal numbers of a stream at the nodes of each view, and set the interpolation weights of pixels."""
+    from warpvis.kernels.sensors.stereo import SmoothField
+
+    views, height, width = exposure.true_depth.shape
+    shape = (views, (height - 1) // spacing + 2, (width - 1) // spacing + 2)
+    field = SmoothField()
+    field.nodes = draw_normal_image(exposure, stream, f"nodes of stream {stream}", shape)
+    field.spacing = spacing
+    field.weights, field.column_nodes, field.left_weights, field.right_weights = _node_weights(
+        spacing, width, str(exposure.scene.device)
+    )
+    return field
+
+
+@lru_cache(maxsize=64)
+def _node_weights(spacing: int, width: int, device: str) -> tuple[wp.array, ...]:
+    """Return the weights of nodes by position, the left node of each column, and the weights of both its nodes."""
+    angles = np.arange(spacing) / spacing * (math.pi / 2)
+    weights = np.stack([np.cos(angles), np.sin(angles)], axis=-1).astype(np.float32)
+    columns = np.arange(width, dtype=np.int32) // spacing
+    sides = weights[np.arange(width) % spacing].T.copy()
+    return (
+        wp.array(weights, dtype=wp.vec2, device=device),
+        wp.array(columns, dtype=wp.int32, device=device),
+        *(wp.array(side, dtype=wp.float32, device=device) for side in sides),
+    )
 
 
 def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
