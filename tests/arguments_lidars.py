@@ -81,6 +81,12 @@ def lidar_cases(folder):
         "vlp16": (lidars.vlp16, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
         "hdl32e": (lidars.hdl32e, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
         "vlp32c": (lidars.vlp32c, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "vls128": (lidars.vls128, {"rate": 20.0, "near": 0.1, "far": 9.0, "calibration": None}),
+        "pandar64": (lidars.pandar64, {"rate": 20.0, "near": 0.1, "far": 9.0}),
+        "xt32": (lidars.xt32, {"rate": 20.0, "near": 0.1, "far": 9.0}),
+        "qt128": (lidars.qt128, {"rate": 20.0, "near": 0.1, "far": 9.0}),
+        "at128": (lidars.at128, {"near": 0.1, "far": 9.0}),
+        "rplidar": (lidars.rplidar, {"model": "A3", "rate": 15.0, "near": 0.1, "far": 9.0}),
         "laser_scan": (
             lidars.laser_scan,
             {

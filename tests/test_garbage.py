@@ -230,8 +230,8 @@ NAMES = (
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
     "place_ Placement unknown_ Measured Occupancy read_tracks Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "
-    "range_ recog segm Li bpearl even "
-    "hdl Motion Rolling deskew laser_ livox ouster vlp gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
+    "range_ recog segm Li bpearl even hdl vl pandar64 xt32 qt128 at128 rplidar "
+    "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "lights_ line_ robot_ register_ to_livox Stereo realsense_ oak_ kinect_ structure fit read_depth "
     "TimeOf azure_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view MujocoStage "
 ).split()

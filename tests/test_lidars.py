@@ -18,6 +18,10 @@ SPINNING = {
     "vlp32c": lidars.vlp32c,
     "hdl32e": lidars.hdl32e,
     "hdl64e": lidars.hdl64e,
+    "vls128": lidars.vls128,
+    "pandar64": lidars.pandar64,
+    "xt32": lidars.xt32,
+    "qt128": lidars.qt128,
     "ouster": lambda rate: lidars.ouster("OS1-128", f"512x{rate}"),
     "even": lambda rate: lidars.even(4, rate=rate),
     "bpearl": lambda rate: lidars.bpearl(0.01, rate=rate),
@@ -61,7 +65,7 @@ def test_times_increase_within_one_revolution(name, rate):
     np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=-1), 1, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl32e", "hdl64e"])
+@pytest.mark.parametrize("name", ["vlp16", "vlp32c", "hdl32e", "hdl64e", "vls128"])
 def test_velodyne_rotates_clockwise_at_its_rate(name):
     rays = SPINNING[name](10)
     azimuth, elevation = angles(rays)
@@ -113,6 +117,27 @@ def test_hdl32e_firing_order_matches_manual():
     np.testing.assert_allclose(np.diff(rays.times, axis=1), 46.08e-6, atol=1e-12)
     assert 32 * rays.directions.shape[1] * 10 == pytest.approx(695e3, rel=0.01)  # points a second, by its data sheet
     assert not np.asarray(rays.origins).any()
+
+
+def test_vls128_firing_groups_match_manual():
+    """Pages 49 and 61: eight lasers in 2.665 us, a pause after the eighth group, 2,401,497.6 measurements a second."""
+    rays = lidars.vls128()
+    azimuth, elevation = angles(rays)
+    times, counts = np.unique(np.round(rays.times[:, 0], 9), return_counts=True)
+    assert (counts == 8).all()
+    np.testing.assert_allclose(times, 2.665e-6 * np.delete(np.arange(17), 8), atol=1e-9)
+    np.testing.assert_allclose(np.diff(rays.times, axis=1), 53.3e-6, atol=1e-12)
+    assert 128 * rays.directions.shape[1] * 10 == pytest.approx(2_401_497.6, rel=1e-3)
+    assert elevation[0, 0] == pytest.approx(15) and elevation[-1, 0] == pytest.approx(-25)
+    assert np.diff(elevation[:, 0]).max() < -0.109  # at least 0.11 degrees apart
+    left = (azimuth[:, 0] + 3600 * rays.times[:, 0]).reshape(-1)
+    for time in times:
+        group = np.abs(rays.times[:, 0] - time) < 1e-9
+        np.testing.assert_allclose(
+            np.sort(left[group]), [-6.354, -4.548, -2.732, -0.911, 0.911, 2.732, 4.548, 6.354], atol=1e-9
+        )
+    # Laser 36 of VLS128.yaml fires in the fifth group, the lowest one; laser 59 in the eighth.
+    assert rays.times[-1, 0] == pytest.approx(4 * 2.665e-6) and rays.times[0, 0] == pytest.approx(7 * 2.665e-6)
 
 
 def test_hdl64e_blocks_fire_simultaneously():
@@ -175,7 +200,8 @@ def corrections(count, seed=3):
 
 
 @pytest.mark.parametrize(
-    ("make", "count"), [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl32e, 32), (lidars.hdl64e, 64)]
+    ("make", "count"),
+    [(lidars.vlp16, 16), (lidars.vlp32c, 32), (lidars.hdl32e, 32), (lidars.hdl64e, 64), (lidars.vls128, 128)],
 )
 def test_calibrated_velodyne_points_match_driver(tmp_path, make, count):
     rows = corrections(count)
@@ -348,7 +374,23 @@ def test_laser_scan_angles_match_message():
     )
 
 
+@pytest.mark.parametrize(
+    ("model", "count", "rate", "ends"),
+    [("A1", 1454, 5.5, (0.15, 12)), ("a2", 800, 10, (0.15, 12)), ("A3", 1600, 10, (0.2, 25))],
+)
+def test_rplidar_matches_data_sheet(model, count, rate, ends):
+    """An A2 has 0.45 degrees, and an A3 0.225 degrees at 10 Hz."""
+    rays = lidars.rplidar(model)
+    azimuth, elevation = angles(rays)
+    assert azimuth.shape == (count,) and not elevation.any() and (rays.near, rays.far) == ends
+    np.testing.assert_allclose(np.diff(np.unwrap(np.radians(azimuth))), -2 * math.pi * rate * rays.times[1], atol=1e-9)
+    assert azimuth[0] == 0 and rays.times[0] == 0 and 0.998 / rate < rays.times[-1] < 1 / rate
+    assert lidars.rplidar(model, 10.0, near=1.0, far=2.0).shape == ({"A1": 800}.get(model, count),)
+
+
 BAD = {
+    "an unknown RPLIDAR": (lambda p: lidars.rplidar("A9"), 'model must be "A1", "A2" or "A3", got .A9.'),
+    "a rate that an RPLIDAR lacks": (lambda p: lidars.rplidar("A2", 4), "rate must be a number from 5 to 15, got 4"),
     "a rate out of range": (lambda p: lidars.vlp16(30), "rate must be a number from 5 to 20, got 30"),
     "no calibration": (
         lambda p: lidars.vlp16(calibration=put(p / "a.yaml", {})),

@@ -78,9 +78,9 @@ class Render(ImageOptions):
     """npz, zarr, png, tum, bop, nerfstudio, colmap, ply or ros2; with --lidar bin, pcd, ply, las or npy, pcd by
     default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
-    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, bpearl, os0-128, os1-128,
-    os2-128, an Ouster metadata file (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward,
-    y left, z up."""
+    """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, vls128, pandar64, xt32, qt128,
+    at128, bpearl, rplidar-a1 to -a3, os0-128, os1-128, os2-128, an Ouster metadata file (.json), or mid360:FILE and
+    other Livox models. Poses are of its frame: x forward, y left, z up."""
     moving: bool = False
     """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
     from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
@@ -291,11 +291,18 @@ def find_lidar(name: str) -> Rays | Livox:
         "vlp32c": lidars.vlp32c,
         "hdl32e": lidars.hdl32e,
         "hdl64e": lidars.hdl64e,
+        "vls128": lidars.vls128,
+        "pandar64": lidars.pandar64,
+        "xt32": lidars.xt32,
+        "qt128": lidars.qt128,
+        "at128": lidars.at128,
         "bpearl": lidars.bpearl,
     }
     plain = name.lower().replace("-", "")
     if plain in spinning:
         return spinning[plain]()
+    if plain.startswith("rplidar"):
+        return lidars.rplidar(plain.removeprefix("rplidar"))
     model, mode = (name.partition("@")[0], name.partition("@")[2] or None)
     if model.lower().endswith(".json") or plain.startswith("os"):
         return lidars.ouster(model, mode)
@@ -303,8 +310,8 @@ def find_lidar(name: str) -> Rays | Livox:
     if livox.lower().replace("-", "") in ("mid360", "avia", "horizon", "tele", "mid40", "mid70", "hap"):
         return lidars.livox(livox, file or None)
     raise CameraError(
-        f"--lidar must be {', '.join(spinning)}, os1-128 or the metadata of an Ouster (with @1024x10 for a mode), or "
-        f"mid360:FILE, got {name!r}"
+        f"--lidar must be {', '.join(spinning)}, rplidar-a2, os1-128 or the metadata of an Ouster (with @1024x10 for a "
+        f"mode), or mid360:FILE, got {name!r}"
     )
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Regular patterns: planar scanners, evenly spaced lidars, grids of parallel rays, and the RS-Bpearl."""
+"""Regular patterns: planar scanners, RPLIDAR, evenly spaced lidars, grids of parallel rays, and the RS-Bpearl."""
 
 from __future__ import annotations
 
@@ -11,11 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_point
-from warpvis.core.checks import as_items, check_angle, check_number, check_whole, degrees_hint
+from warpvis.core.checks import as_items, check_angle, check_choice, check_number, check_whole, degrees_hint
 from warpvis.errors import CameraError
 
 _MAX_RAYS = 2**26
 _TURN = 2.0 * math.pi
+
+# Samples per second; minimum, typical and maximum scan rate [Hz]; minimum and maximum range [m]. Sources: Slamtec's
+# data sheets of the A1M8 (2016, page 7), the A2M8 (revision 2.5, page 3) and the A3M1 (enhanced mode); and range_min of
+# rplidar_ros (src/node.cpp at 3cd94fe) for the A2.
+_RPLIDARS = {
+    "A1": (8000, (1.0, 5.5, 10.0), (0.15, 12.0)),
+    "A2": (8000, (5.0, 10.0, 15.0), (0.15, 12.0)),
+    "A3": (16_000, (5.0, 10.0, 15.0), (0.2, 25.0)),
+}
 
 
 def directions_at(azimuth: ArrayLike, elevation: ArrayLike) -> NDArray[np.float64]:
@@ -82,6 +91,34 @@ def laser_scan(
     azimuth = _steps(first, last, step, "angle_increment")
     directions = directions_at(azimuth, 0.0)
     return Rays(directions, times=np.arange(len(azimuth)) * interval, near=near, far=far, axes="ros_body")
+
+
+def rplidar(model: str, rate: float | None = None, *, near: float | None = None, far: float | None = None) -> Rays:
+    """Return the rays of a revolution of a Slamtec RPLIDAR, a planar scanner that rotates clockwise.
+
+    Args:
+        model: ``"A1"``, ``"A2"`` or ``"A3"``: 8000, 8000 and 16,000 samples per second, at most.
+        rate: Revolutions per second, 1 to 10 Hz for an A1, 5 to 15 Hz for the others; by default the typical rate, 5.5
+            or 10 Hz.
+        near: Minimum measured range [m]; by default that of the model, 0.15, 0.15 or 0.2 m.
+        far: Maximum measured range [m]; by default that of the model for white objects, 12, 12 or 25 m.
+
+    Returns:
+        Rays of shape ``(rays,)`` in the plane z = 0, the first one along x, with times, as from `laser_scan`.
+    """
+    name = check_choice(model.upper() if isinstance(model, str) else model, "model", tuple(_RPLIDARS), CameraError)
+    samples, (slowest, typical, fastest), (nearest, farthest) = _RPLIDARS[name]
+    rate = check_number(typical if rate is None else rate, "rate", minimum=slowest, maximum=fastest, error=CameraError)
+    count = math.floor(samples / rate + 1e-9)
+    step = _TURN * rate / samples
+    return laser_scan(
+        0.0,
+        -(count - 1) * step,
+        -step,
+        time_increment=1 / samples,
+        near=nearest if near is None else near,
+        far=farthest if far is None else far,
+    )
 
 
 def even(

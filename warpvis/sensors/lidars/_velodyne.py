@@ -7,16 +7,14 @@ from __future__ import annotations
 import math
 import os
 import sys
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
-from warpvis.core.checks import as_path, check_number, is_number, truncate
+from warpvis.core.checks import as_path, is_number, truncate
 from warpvis.core.file_content import load_yaml
-from warpvis.errors import CameraError, FileFormatError
-from warpvis.sensors.lidars._plain import directions_at
+from warpvis.errors import FileFormatError
+from warpvis.sensors.lidars._spinning import Lasers, spin
 
 # Default calibrations. The tables of the VLP-16 and VLP-32C are from the driver velodyne_decoder (``calib_db.cpp`` at
 # 08ddf97), which uses the values of the user manuals. The table of the HDL-64E is that of one calibrated S3:
@@ -38,8 +36,24 @@ _VLP32C = (
 )  # fmt: skip
 """Elevation and correction of the azimuth, to the left, of each laser [deg]."""
 
+_VLS128_ELEVATION = (
+    -11.742, -1.99, 3.4, -5.29, -0.78, 4.61, -4.08, 1.31, -6.5, -1.11, 4.28, -4.41, 0.1, 6.48, -3.2, 2.19, -3.86, 1.53,
+    -9.244, -1.77, 2.74, -5.95, -0.56, 4.83, -2.98, 2.41, -6.28, -0.89, 3.62, -5.07, 0.32, 7.58, -0.34, 5.18, -3.64,
+    1.75, -25, -2.43, 2.96, -5.73, 0.54, 9.7, -2.76, 2.63, -7.65, -1.55, 3.84, -4.85, 3.18, -5.51, -0.12, 5.73, -4.3,
+    1.09, -16.042, -2.21, 4.06, -4.63, 0.76, 15, -3.42, 1.97, -6.85, -1.33, -5.62, -0.23, 5.43, -3.53, 0.98, -19.582,
+    -2.32, 3.07, -4.74, 0.65, 11.75, -2.65, 1.86, -7.15, -1.44, 3.95, -2.1, 3.29, -5.4, -0.01, 4.5, -4.19, 1.2, -13.565,
+    -1.22, 4.17, -4.52, 0.87, 6.08, -3.31, 2.08, -6.65, 1.42, -10.346, -1.88, 3.51, -6.06, -0.67, 4.72, -3.97, 2.3,
+    -6.39, -1, 4.39, -5.18, 0.21, 6.98, -3.09, 4.98, -3.75, 1.64, -8.352, -2.54, 2.85, -5.84, -0.45, 8.43, -2.87, 2.52,
+    -6.17, -1.66, 3.73, -4.96, 0.43,
+)  # fmt: skip
+"""Elevation of each laser, in firing order [deg]: ``VLS128.yaml`` of ros-drivers/velodyne at 29abd0e."""
+
+_VLS128_AZIMUTH = (-6.354, -4.548, -2.732, -0.911, 0.911, 2.732, 4.548, 6.354)
+"""Correction of the azimuth, to the left, of the eight lasers that fire together [deg]."""
+
 _VLP16_FOCAL = 0.04191
 _VLP32C_FOCAL = 0.0424
+_VLS128_FOCAL = 0.05863
 """Distance from the axis at which all beams intersect [m]. Beams start on the axis, at -focal * tan(elevation)."""
 
 _HDL64E_S3 = (
@@ -68,39 +82,6 @@ _HDL64E_SIDE = 0.026
 
 _ANGLES = ("vert_correction", "rot_correction")
 _OFFSETS = ("vert_offset_correction", "horiz_offset_correction")
-
-
-@dataclass(frozen=True)
-class _Lasers:
-    """The lasers of a sensor in the order of their numbers; arrays of shape ``(lasers,)``."""
-
-    elevation: NDArray[np.float64]
-    """Angles above the horizontal plane [rad]."""
-    azimuth_offset: NDArray[np.float64]
-    """Angles relative to the heading of the sensor, to the left [rad]."""
-    radial: NDArray[np.float64]
-    """Offset of the ray origin from the axis along the heading of the laser [m]."""
-    side: NDArray[np.float64]
-    """Offset of the ray origin from the axis to the left of the heading [m]."""
-    height: NDArray[np.float64]
-    """Height of the ray origin [m]."""
-
-    @classmethod
-    def calibrated(
-        cls,
-        elevation: NDArray[np.float64],
-        azimuth_offset: NDArray[np.float64],
-        vertical: NDArray[np.float64],
-        side: NDArray[np.float64],
-    ) -> _Lasers:
-        """Return lasers from calibrated angles [rad] and offsets of the beams [m].
-
-        `vertical` is perpendicular to the beam, not along z, as in velodyne_pointcloud: ``xy_distance = distance *
-        cos_vert_angle - vert_offset * sin_vert_angle`` and ``z = distance * sin_vert_angle + vert_offset *
-        cos_vert_angle`` (``RawData::unpack`` in ros-drivers/velodyne, ``velodyne_pointcloud/src/lib/rawdata.cpp`` at
-        06c274d).
-        """
-        return cls(elevation, azimuth_offset, -vertical * np.sin(elevation), side, vertical * np.cos(elevation))
 
 
 def vlp16(
@@ -132,7 +113,7 @@ def vlp16(
     lasers = _read_lasers(calibration, 16)
     if lasers is None:
         lasers = _lasers(_VLP16_ELEVATION, np.zeros(16), focal=_VLP16_FOCAL)
-    return _spin(lasers, rate, 55.296e-6, np.arange(16) * 2.304e-6, near, far)
+    return spin(lasers, rate, 55.296e-6, np.arange(16) * 2.304e-6, near, far)
 
 
 def hdl32e(
@@ -151,7 +132,7 @@ def hdl32e(
     lasers = _read_lasers(calibration, 32)
     if lasers is None:
         lasers = _lasers(_HDL32E_ELEVATION, np.zeros(32), focal=0.0)
-    return _spin(lasers, rate, 46.08e-6, np.arange(32) * 1.152e-6, near, far)
+    return spin(lasers, rate, 46.08e-6, np.arange(32) * 1.152e-6, near, far)
 
 
 def vlp32c(
@@ -170,7 +151,7 @@ def vlp32c(
     if lasers is None:
         elevation, azimuth_offset = np.array(_VLP32C).T
         lasers = _lasers(elevation, azimuth_offset, focal=_VLP32C_FOCAL)
-    return _spin(lasers, rate, 55.296e-6, np.arange(32) // 2 * 2.304e-6, near, far)
+    return spin(lasers, rate, 55.296e-6, np.arange(32) // 2 * 2.304e-6, near, far)
 
 
 def hdl64e(
@@ -193,39 +174,43 @@ def hdl64e(
     if lasers is None:
         elevation, azimuth_offset, vertical = np.array(_HDL64E_S3, dtype=np.float64).T
         side = np.where(np.arange(64) % 2 == 0, _HDL64E_SIDE, -_HDL64E_SIDE)
-        lasers = _Lasers.calibrated(np.radians(elevation), np.radians(azimuth_offset), vertical / 1000, side)
+        lasers = Lasers.calibrated(np.radians(elevation), np.radians(azimuth_offset), vertical / 1000, side)
     number = np.arange(64) % 32
     firing_times = (number // 4) * 7.2e-6 + np.array([0.0, 1.3e-6, 2.5e-6, 3.7e-6])[number % 4]
-    return _spin(lasers, rate, 57.6e-6, firing_times, near, far)
+    return spin(lasers, rate, 57.6e-6, firing_times, near, far)
 
 
-def _lasers(elevation: object, azimuth_offset: object, *, focal: float) -> _Lasers:
+def vls128(
+    rate: float = 10.0,
+    *,
+    near: float = 0.0,
+    far: float = 262.14,
+    calibration: str | os.PathLike[str] | None = None,
+) -> Rays:
+    """Return the rays of a revolution of a VLS-128 (Alpha Prime): 128 lasers from -25 to 15 degrees, denser near 0.
+
+    Lasers fire in 16 groups of eight, 2.665 us each. There is a pause of one group after the eighth group and of three
+    after the last: 53.3 us a cycle, 1876 cycles at 10 Hz (VLS-128 user manual, draft, pages 49 and 61; firmware since
+    5.2.3 takes 2.89 us, according to velodyne_decoder). Azimuths differ by up to 12.7 degrees within a group. Beams
+    intersect 58.63 mm from the axis (velodyne_decoder). The maximum range is the largest distance in a packet. See
+    `vlp16` for arguments, result and errors.
+    """
+    lasers = _read_lasers(calibration, 128)
+    if lasers is None:
+        lasers = _lasers(_VLS128_ELEVATION, np.tile(_VLS128_AZIMUTH, 16), focal=_VLS128_FOCAL)
+    number = np.arange(128)
+    return spin(lasers, rate, 53.3e-6, (number // 8 + number // 64) * 2.665e-6, near, far)
+
+
+def _lasers(elevation: object, azimuth_offset: object, *, focal: float) -> Lasers:
     """Return lasers from their angles [deg]; all beams intersect at a distance `focal` from the axis [m]."""
     angles = np.radians(np.asarray(elevation, dtype=np.float64))
     offsets = np.radians(np.asarray(azimuth_offset, dtype=np.float64))
     on_axis = np.zeros(len(angles))
-    return _Lasers(angles, offsets, on_axis, on_axis, -focal * np.tan(angles))
+    return Lasers(angles, offsets, on_axis, on_axis, -focal * np.tan(angles))
 
 
-def _spin(
-    lasers: _Lasers, rate: float, cycle: float, firing_times: NDArray[np.floating], near: float, far: float
-) -> Rays:
-    """Return the rays of one revolution, from the duration of a firing cycle and each laser's time within it [s]."""
-    rate = check_number(rate, "rate", minimum=5.0, maximum=20.0, error=CameraError)
-    columns = math.floor(1.0 / (rate * cycle))
-    rows = np.argsort(-lasers.elevation, kind="stable")
-    times = (np.arange(columns) * cycle + firing_times[:, None])[rows]
-    heading = lasers.azimuth_offset[rows, None] - 2.0 * math.pi * rate * times
-    directions = directions_at(heading, lasers.elevation[rows, None])
-    radial, side = lasers.radial[rows, None], lasers.side[rows, None]
-    height = np.broadcast_to(lasers.height[rows, None], heading.shape)
-    x, y = radial * np.cos(heading) - side * np.sin(heading), radial * np.sin(heading) + side * np.cos(heading)
-    origins = np.stack([x, y, height], axis=-1)
-    rings = np.broadcast_to(np.arange(len(rows))[::-1, None], heading.shape)
-    return Rays(directions, origins=origins, times=times, rings=rings, near=near, far=far, axes="ros_body")
-
-
-def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Lasers | None:
+def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> Lasers | None:
     """Read the lasers from a YAML file of velodyne_pointcloud, with a key ``lasers``; return None without a file."""
     if calibration is None:
         return None
@@ -247,7 +232,7 @@ def _read_lasers(calibration: str | os.PathLike[str] | None, count: int) -> _Las
                 f"{path}: {name}_correction of a laser must be in radians, up to {limit:.6g}, got {widest:g}. "
                 "velodyne_pointcloud's gen_calibration.py converts Velodyne's db.xml, which is in degrees."
             )
-    return _Lasers.calibrated(elevation, azimuth_offset, vertical, side)
+    return Lasers.calibrated(elevation, azimuth_offset, vertical, side)
 
 
 def _number(row: dict[str, object], name: str, path: object) -> float:
