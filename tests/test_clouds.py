@@ -165,6 +165,30 @@ class TestMessages:
         np.testing.assert_allclose(read["range"] * 1e-3, clouds[0]["range"], atol=0.51e-3)
         assert (read["reflectivity"] == 128).all() and (read["ambient"] == 0).all()
 
+    @pytest.mark.parametrize(
+        ("layout", "point"),
+        [
+            # FAST-LIO (src/preprocess.h at 7cc4175), Point-LIO (ef96597) and LIO-SAM (src/imageProjection.cpp at
+            # 0be1fbe) register these points; PCL fills a field only if its name and type match. LIO-SAM has noise
+            # instead of ambient and reads neither.
+            ("velodyne", "intensity f4, ring u2, time f4"),
+            ("ouster_legacy", "intensity f4, t u4, reflectivity u2, ring u1, ambient u2, range u4"),
+            ("hesai", "intensity f4, ring u2, timestamp f8"),
+        ],
+    )
+    def test_odometry_packages_find_their_fields(self, types, clouds, layout, point):
+        message = wv.io.to_pointcloud2(clouds[0], frame_id="lidar", layout=layout, stamp=2.5, types=types)
+        kinds = {2: "u1", 4: "u2", 6: "u4", 7: "f4", 8: "f8"}
+        found = [f"{field.name} {kinds[field.datatype]}" for field in message.fields]
+        assert found == ["x f4", "y f4", "z f4", *point.split(", ")] and {field.count for field in message.fields} == {
+            1
+        }
+        read = np.frombuffer(message.data.tobytes(), dtype=[(name, "<" + kind) for name, kind in map(str.split, found)])
+        assert read.dtype.itemsize == message.point_step
+        np.testing.assert_array_equal(read["ring"], clouds[0]["ring"])
+        if layout == "hesai":
+            np.testing.assert_allclose(read["timestamp"] - 2.5, clouds[0]["time"], atol=1e-12)
+
     def test_laserscan_angles_and_ranges(self, types):
         rays = lidars.laser_scan(-0.5, 0.5, 0.25, time_increment=0.01, near=0.1, far=9.0)
         ranges = np.array([1.0, 2.0, np.inf, -np.inf, 3.0], dtype=np.float32)
@@ -224,8 +248,17 @@ TYPES = {"types": type("Types", (), {"types": {}})()}
             'the layout "velodyne" needs the field ring, which the cloud lacks',
         ),
         (
-            lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="hesai", **TYPES),
-            'layout must be "velodyne", "ouster" or "livox", got .hesai.',
+            lambda p: wv.io.to_pointcloud2(named(**XYZ), frame_id="a", layout="robosense", **TYPES),
+            'layout must be "velodyne", "ouster", "ouster_legacy", "hesai" or "livox", got .robosense.',
+        ),
+        (
+            lambda p: wv.io.to_pointcloud2(
+                named(**XYZ, time=("f4", 0), ring=("u2", 256), range=("f4", 1)),
+                frame_id="a",
+                layout="ouster_legacy",
+                **TYPES,
+            ),
+            "ring must be from 0 to 255 for the field ring, got 256 to 256",
         ),
         (
             lambda p: wv.io.to_pointcloud2(np.zeros((3, 3)), frame_id="a", layout="ouster", **TYPES),

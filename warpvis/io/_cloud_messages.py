@@ -17,7 +17,7 @@ from warpvis.core.messages import Message, MessageMaker, MessageTypes, Stamp, st
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, MessageError
 
-CloudLayout = Literal["velodyne", "ouster", "livox"]
+CloudLayout = Literal["velodyne", "ouster", "ouster_legacy", "hesai", "livox"]
 """Driver whose fields a PointCloud2 has."""
 
 # sensor_msgs/PointField
@@ -27,6 +27,10 @@ _VELODYNE = (("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("r
 _OUSTER = (
     *_VELODYNE[:4], ("t", "<u4"), ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4"),
 )  # fmt: skip
+# FAST-LIO, Point-LIO and LIO-SAM have the point of Ouster's driver before 0.7.1, and PCL skips fields of other types.
+_OUSTER_LEGACY = tuple((name, "u1" if name == "ring" else kind) for name, kind in _OUSTER)
+_HESAI = (*_VELODYNE[:5], ("timestamp", "<f8"))
+_LAYOUTS = {"velodyne": _VELODYNE, "ouster": _OUSTER, "ouster_legacy": _OUSTER_LEGACY, "hesai": _HESAI}
 _LIVOX = (*_VELODYNE[:4], ("tag", "u1"), ("line", "u1"), ("timestamp", "<f8"))
 # Units per unit of the source field, and maximum value: nanoseconds, millimeters, 1 / 255.
 _SCALES = {"t": (1e9, 2**32 - 1), "range": (1e3, 2**32 - 1), "reflectivity": (255.0, 2**16 - 1)}
@@ -66,13 +70,15 @@ def as_layout(cloud: NDArray[np.void], layout: CloudLayout | None, stamp: Stamp 
     if layout is None:
         fields = [(name, cloud.dtype[name].newbyteorder("<").str) for name in cloud.dtype.names or ()]
     else:
-        check_choice(layout, "layout", ("velodyne", "ouster", "livox"), MessageError)
+        check_choice(layout, "layout", (*_LAYOUTS, "livox"), MessageError)
         if layout == "livox":
             return _as_livox_cloud(cloud, stamp)
-        fields = list(_VELODYNE if layout == "velodyne" else _OUSTER)
+        fields = list(_LAYOUTS[layout])
     packed = np.zeros(cloud.shape, dtype=fields)
     for name, _ in fields:
         packed[name] = _field(cloud, name, layout)
+    if layout == "hesai":
+        packed["timestamp"] += stamp_nanoseconds(stamp) * 1e-9
     return packed
 
 
@@ -83,11 +89,13 @@ def _field(cloud: NDArray[np.void], name: str, layout: CloudLayout | None) -> An
         return cloud[name]
     if name == "ambient" or (name in ("intensity", "reflectivity") and "intensity" not in names):
         return 0
-    source = {"t": "time", "reflectivity": "intensity"}.get(name, name)
+    source = {"t": "time", "timestamp": "time", "reflectivity": "intensity"}.get(name, name)
     if source not in names:
         raise ArrayError(f'the layout "{layout}" needs the field {source}, which the cloud lacks')
     values = cloud[source]
-    if layout == "ouster" and name in _SCALES:  # 0 where nothing was measured
+    if layout == "ouster_legacy" and name == "ring":
+        return _whole(values, 1.0, 255, name, source)
+    if layout in ("ouster", "ouster_legacy") and name in _SCALES:  # 0 where nothing was measured
         return _whole(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), *_SCALES[name], name, source)
     return values
 

@@ -195,10 +195,15 @@ def to_pointcloud2(
             `Views.color` of one view; not for the `layout` of a driver.
         frame_id: The frame of the points; for a depth image, the camera's optical frame.
         stamp: Time of the image [s], or a Time message.
-        layout: Driver whose fields a lidar's cloud gets: ``"velodyne"``, x y z intensity float32, ring uint16, time
-            float32 [s]; ``"ouster"``, x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16,
-            range uint32 [mm]; or ``"livox"``, x y z intensity float32, tag line uint8, timestamp float64 [ns], absolute
-            and not relative to `stamp`, in order of time and without NaN. Odometry packages expect these fields.
+        layout: Driver whose fields a lidar's cloud gets. Odometry packages expect these fields and types:
+
+            - ``"velodyne"``: x y z intensity float32, ring uint16, time float32 [s].
+            - ``"ouster"``: x y z intensity float32, t uint32 [ns], reflectivity ring ambient uint16, range uint32 [mm].
+            - ``"ouster_legacy"``: the same with ring uint8, which FAST-LIO, Point-LIO and LIO-SAM read.
+            - ``"hesai"``: x y z intensity float32, ring uint16, timestamp float64 [s], absolute.
+            - ``"livox"``: x y z intensity float32, tag line uint8, timestamp float64 [ns], absolute, in order of time
+              and without NaN.
+
             Intensity is 0 if the cloud has none, reflectivity and Livox's intensity are 255 for an intensity of 1, and
             ambient light, which is not simulated, is 0. By default the cloud's fields.
         types: A type store of rosbags; by default ROS's own classes, which must be installed.
