@@ -116,6 +116,14 @@ def camera_cases(folder):
             wv.cameras.lenses.DoubleSphere,
             {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "xi": -0.2, "alpha": 0.6},
         ),
+        "LensCamera of mirrors": (
+            wv.cameras.lenses.Mei,
+            {"fx": 9, "fy": 9, "cx": 4, "cy": 3, "xi": 1.2, "coefficients": (0.01, 0, 0, 0)},
+        ),
+        "LensCamera of OCamCalib": (
+            wv.cameras.lenses.Scaramuzza,
+            {"cx": 4, "cy": 3, "coefficients": (-9, 0, 0.01), "affine": (1, 0, 0, 1)},
+        ),
         "LensCamera of F-theta": (
             wv.cameras.lenses.FTheta,
             {"cx": 4, "cy": 3, "coefficients": (0.1,), "maps": "radius_to_angle", "max_view_angle": 2.0},

@@ -18,6 +18,7 @@ PIXELS = np.stack(np.meshgrid(np.arange(0, WIDTH, 5) + 0.5, np.arange(0, HEIGHT,
 OPENCV = (-0.3, 0.1, 0.001, -0.002, 0.01, 0.05, 0.05, 0.001, 0.01, 0.002, -0.003, 0.001, 0.05, -0.03)
 FISHEYE = (0.01, 0.002, -0.003, 0.0004)
 THIN_PRISM = (0.01, 0.02, 0.001, 0.002, 0.003, 0.001, 0.002, 0.003)
+MEI = (-0.2, 0.05, 0.001, -0.002)
 ARIA = (0.01, 0.02, 0.003, 0.004, 0.001, 0.0005, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006)
 
 LENSES = {
@@ -40,10 +41,17 @@ LENSES = {
     "division, pincushion": lenses.Division(200, 200, 160, 120, 0.2),
     "ftheta": lenses.FTheta(160, 120, (0.01, 1e-7, -1e-9)),
     "ftheta, forward": lenses.FTheta(160, 120, (100, -3, 1, 0.2), "angle_to_radius"),
+    "mei": lenses.Mei(300, 310, 161, 119, 0.9, MEI),
+    "mei, fisheye": lenses.Mei(300, 310, 161, 119, 1.45, MEI),
+    "mei, parabolic": lenses.Mei(120, 120, 161, 119, 1.0, (-0.01, 0.0, 0.001, -0.002)),
+    "mei, radial": lenses.Mei(120, 120, 161, 119, 0.9, (*MEI[:2], 0, 0)),
+    "mei, rim": lenses.Mei(80, 80, 161, 119, 1.45, MEI),
+    "scaramuzza": lenses.Scaramuzza(160, 120, (-110, 0, 2e-3, -3e-6, 6e-9), (0.9999, 0.001, -0.002, 1.0)),
+    "scaramuzza, long": lenses.Scaramuzza(160, 120, (-90, 0.01, 2e-3, 0, 0, 1e-11)),
     "equirectangular": lenses.Equirectangular(WIDTH, HEIGHT),
     "cylindrical": lenses.Cylindrical(50, 50, 160, 120),
 }
-FOLDED = {"opencv folded", "fisheye folded", "cylindrical", "fov"}
+FOLDED = {"opencv folded", "fisheye folded", "cylindrical", "fov", "mei, rim"}
 
 
 def differences(ours, theirs):
@@ -60,7 +68,16 @@ def directions(max_angle, count=2000):
 
 
 @pytest.mark.smoke(
-    "opencv 14", "opencv folded", "azure kinect", "aria", "fisheye folded", "*sphere*", "eucm", "*radial*"
+    "opencv 14",
+    "opencv folded",
+    "azure kinect",
+    "aria",
+    "fisheye folded",
+    "*sphere*",
+    "eucm",
+    "*radial*",
+    "mei, rim",
+    "scaramuzza",
 )
 @pytest.mark.parametrize("name", LENSES)
 def test_projection_round_trips(name):
@@ -111,6 +128,47 @@ def test_fisheye_projection_matches_opencv():
     assert differences(lenses.KannalaBrandt(*INTRINSICS, FISHEYE).project(points), theirs[:, 0] + 0.5) < 1e-9
 
 
+def test_mei_projection_matches_opencv():
+    """Results of cv2.omnidir.projectPoints of opencv-contrib 4.14, whose pixel centers are at integers."""
+    k = np.array([[300.0, 0, 160.5], [0, 310, 118.5], [0, 0, 1]])
+    points = np.array([[0.3, -0.2, 1.0], [1.0, 0.5, -0.2], [-0.7, 0.9, 0.4]])
+    known = [[195.73773359, 94.22303693], [345.98957001, 214.70647631], [67.63504461, 241.74098558]]
+    np.testing.assert_allclose(LENSES["mei, fisheye"].project(points), np.array(known) + 0.5, atol=1e-8)
+    cv2 = pytest.importorskip("cv2")
+    if not hasattr(cv2, "omnidir"):
+        pytest.skip("OpenCV has no omnidir, which is in its contrib modules")
+    points = directions(math.radians(95))
+    for name in ("mei", "mei, fisheye"):
+        lens, zero = LENSES[name], np.zeros(3)
+        theirs, _ = cv2.omnidir.projectPoints(points[:, None], zero, zero, k, lens.xi, np.array([MEI]))
+        assert differences(lens.project(points), theirs[:, 0] + 0.5) < 1e-9
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.6, 1.0, 1.7])
+def test_mei_without_distortion_is_the_unified_model(xi):
+    mei, unified = (
+        lenses.Mei(300, 310, 161, 119, xi),
+        lenses.EUCM(300 / (1 + xi), 310 / (1 + xi), 161, 119, xi / (1 + xi)),
+    )
+    assert mei.is_pinhole == unified.is_pinhole == (xi == 0)
+    points = directions(0.95 * mei.max_angle)
+    np.testing.assert_allclose(mei.project(points), unified.project(points), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(mei.unproject(PIXELS), unified.unproject(PIXELS), atol=1e-12)
+    assert mei.max_angle == pytest.approx(unified.max_angle, abs=1e-7) and mei.turns_back == (xi > 1)
+
+
+def test_scaramuzza_directions_match_the_polynomial():
+    """As ``cam2world`` of OCamCalib: the direction of the pixel is ``(x, y, -f(r))``."""
+    lens = LENSES["scaramuzza"]
+    a, b, c, d = lens.affine
+    for x, y in ((30.0, -20.0), (-90.0, 70.0), (0.0, 0.0)):
+        pixel = (lens.cx + a * x + b * y, lens.cy + c * x + d * y)
+        radius = math.hypot(x, y)
+        ray = np.array([x, y, -sum(term * radius**power for power, term in enumerate(lens.coefficients))])
+        np.testing.assert_allclose(lens.unproject(pixel), ray / np.linalg.norm(ray), atol=1e-14)
+    assert lenses.Scaramuzza(160, 120, (-100,)).project([0.3, 0.2, 1.0]) == pytest.approx((190, 140), abs=1e-9)
+
+
 def test_mapping_ends_at_zero_slope():
     """With k1 only, the radius r + k1 r^3 is maximal at r = 1 / sqrt(-3 k1)."""
     lens = lenses.OpenCVPinhole(*INTRINSICS, (-0.5, 0, 0, 0))
@@ -158,7 +216,7 @@ def test_pixels_have_rays_where_directions_map_to_them():
 
 def test_derivatives_match_finite_differences():
     x, y = np.random.default_rng(2).uniform(-0.4, 0.4, (2, 200))
-    for name in ("opencv 14", "thin prism", "aria"):
+    for name in ("opencv 14", "thin prism", "aria", "mei"):
         bend, h = LENSES[name]._bend, 1e-6
         right, left, down, up = bend(x + h, y), bend(x - h, y), bend(x, y + h), bend(x, y - h)
         bent = bend(x, y)
@@ -193,6 +251,19 @@ BAD = {
     "omega": (lambda: lenses.FOV(1, 1, 2, 3, 4), "omega of a lens must be between -pi and pi radians"),
     "alpha": (lambda: lenses.EUCM(1, 1, 2, 3, 1.5), "alpha of a lens must be from 0 to 1"),
     "xi": (lambda: lenses.DoubleSphere(1, 1, 2, 3, -2, 0.5), "xi of a double sphere must be above -1"),
+    "mei's xi": (lambda: lenses.Mei(1, 1, 2, 3, -0.1), "xi of a lens must be at least 0, got -0.1"),
+    "mei's count": (lambda: lenses.Mei(1, 1, 2, 3, 1, (0, 0)), "coefficients of Mei must be 4 numbers, got 2"),
+    "scaramuzza's sign": (
+        lambda: lenses.Scaramuzza(1, 2, (250, 0)),
+        "the first coefficient of Scaramuzza must be below 0, got 250.0",
+    ),
+    "scaramuzza's count": (
+        lambda: lenses.Scaramuzza(1, 2, ()),
+        "coefficients of Scaramuzza must be 1, 2, .* or 12 numbers, got 0",
+    ),
+    "affine": (lambda: lenses.Scaramuzza(1, 2, (-9,), (1, 0, 0, -1)), "affine of Scaramuzza must be a matrix with"),
+    "affine's count": (lambda: lenses.Scaramuzza(1, 2, (-9,), (1,)), "affine of Scaramuzza must be 4 numbers, got 1"),
+    "center": (lambda: lenses.Scaramuzza("a", 2, (-9,)), "cx of a lens must be a finite number, got 'a'"),
     "slope": (lambda: lenses.FTheta(1, 1, (-1.0,)), "the first coefficient of FTheta must be above 0"),
     "angle": (
         lambda: lenses.FTheta(1, 1, (1.0,), max_view_angle=7),

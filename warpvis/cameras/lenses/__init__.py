@@ -24,6 +24,7 @@ from warpvis.cameras.lenses._formats import (
     nerfstudio_model as nerfstudio_model,
 )
 from warpvis.cameras.lenses._lens import Lens, check_coefficients as check_coefficients
+from warpvis.cameras.lenses._omnidirectional import Mei, Scaramuzza
 from warpvis.cameras.lenses._panoramas import (
     Cylindrical,
     Equirectangular,
@@ -41,7 +42,9 @@ __all__ = [
     "FTheta",
     "KannalaBrandt",
     "Lens",
+    "Mei",
     "OpenCVPinhole",
     "RadTanThinPrismFisheye",
+    "Scaramuzza",
     "ThinPrismFisheye",
 ]

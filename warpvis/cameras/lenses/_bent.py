@@ -42,13 +42,15 @@ class Bent(NamedTuple):
 
 
 class BentLens(RadialLens):
-    """A lens that distorts the plane with radius ``tan(angle)`` or ``angle``; `_radius` is its radial part.
+    """A lens that distorts a plane whose radius is a function of the angle; `_radius` is its radial part.
 
     A point is in the injective domain if the determinant of the Jacobian is positive all the way from the axis to it.
     """
 
     _is_flat: ClassVar[bool] = True
-    """Whether the radius in the plane is the tangent of the angle, as in a pinhole camera, or the angle itself."""
+    """Whether the radius in the plane is the tangent of the angle, as in a pinhole camera, or else the angle itself."""
+    _has_rim: ClassVar[bool] = False
+    """Whether the image ends at the limit of the angle even if the mapping does not turn back before."""
 
     @property
     @abstractmethod
@@ -74,7 +76,7 @@ class BentLens(RadialLens):
         x, y, z = points.T
         sine_radius = np.hypot(x, y)
         angle = np.arctan2(sine_radius, z)
-        ahead = (angle < self._limit) if self._is_flat else (sine_radius > 0) | (z > 0)
+        ahead = (angle < self._limit) & (self._is_flat | (sine_radius > 0) | (z > 0))
         radius = self._plane_radius(angle)
         scale = np.where(sine_radius > 0, radius / np.where(sine_radius > 0, sine_radius, 1.0), 0.0)
         scale = np.where(ahead, 1 / z if self._is_flat else scale, np.nan)
@@ -96,10 +98,14 @@ class BentLens(RadialLens):
         x, y = np.full_like(targets, np.nan)
         x[candidates], y[candidates] = solution
         radius = np.hypot(x, y)
-        return rays_of(np.arctan(radius) if self._is_flat else radius, x, y, radius)
+        return rays_of(self._plane_angle(radius), x, y, radius)
 
     def _plane_radius(self, angle: Floats) -> Floats:
         return np.tan(angle) if self._is_flat else angle
+
+    def _plane_angle(self, radius: Floats) -> Floats:
+        """Invert `_plane_radius`; NaN for radii beyond its range."""
+        return np.arctan(radius) if self._is_flat else radius
 
     def _undistorted(self, target: Floats) -> Floats:
         """Invert the radial part only; use the end of its domain beyond the maximum radius."""
@@ -164,14 +170,14 @@ class BentLens(RadialLens):
         radius = self._plane_radius(self._turning_angles)
         with np.errstate(all="ignore"):
             bent = self._bend(radius * np.cos(azimuth), radius * np.sin(azimuth))
-        rim = np.where(self._turning_angles < self._limit, np.hypot(bent.x, bent.y), 1e300)
+        rim = np.where(self._has_rim | (self._turning_angles < self._limit), np.hypot(bent.x, bent.y), 1e300)
         finite = np.isfinite(rim)
         return np.arctan2(bent.y, bent.x)[finite], rim[finite]
 
     def _is_injective(self, x: Floats, y: Floats) -> NDArray[np.bool_]:
         """Return whether points of the plane are in the injective domain."""
         radius = np.hypot(x, y)
-        angle = np.arctan(radius) if self._is_flat else radius
+        angle = self._plane_angle(radius)
         azimuth = np.nan_to_num(np.arctan2(y, x)) % (2 * math.pi)
         low = np.minimum(np.floor(azimuth / (2 * math.pi) * _AZIMUTHS).astype(int), _AZIMUTHS - 1)
         before, after = self._turning_angles[low], self._turning_angles[(low + 1) % _AZIMUTHS]

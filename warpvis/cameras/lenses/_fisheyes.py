@@ -21,18 +21,18 @@ from warpvis.cameras.lenses._pinhole import decentered, scaled
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import CameraError
 
-_MAX_RADIUS = 2.0**20
+MAX_RADIUS = 2.0**20
 """Upper bound of the radius of images [px]."""
 
 
-def _gain(square: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
+def angle_gain(square: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
     """Return ``1 + k1 s + k2 s^2 + ...`` and its derivative with respect to s."""
     polynomial = np.polynomial.Polynomial([1.0, *coefficients])
     return polynomial(square), polynomial.deriv()(square)
 
 
 def _angle_radius(angle: Floats, coefficients: Sequence[float]) -> tuple[Floats, Floats]:
-    gain, slope = _gain(angle * angle, coefficients)
+    gain, slope = angle_gain(angle * angle, coefficients)
     return angle * gain, gain + 2 * angle * angle * slope
 
 
@@ -77,7 +77,7 @@ class ThinPrismFisheye(BentLens):
 
     def _bend(self, x: Floats, y: Floats) -> Bent:
         _, _, p1, p2, _, _, sx1, sy1 = self.coefficients
-        radial = scaled(x, y, *_gain(x * x + y * y, self._radial))
+        radial = scaled(x, y, *angle_gain(x * x + y * y, self._radial))
         added = decentered(x, y, (p1, p2), (sx1, 0.0, sy1, 0.0))
         return Bent(*(a + b for a, b in zip(radial, added, strict=True)))
 
@@ -105,7 +105,7 @@ class RadTanThinPrismFisheye(BentLens):
 
     def _bend(self, x: Floats, y: Floats) -> Bent:
         p0, p1, *prism = self.coefficients[6:]
-        radial = scaled(x, y, *_gain(x * x + y * y, self.coefficients[:6]))
+        radial = scaled(x, y, *angle_gain(x * x + y * y, self.coefficients[:6]))
         added = decentered(radial.x, radial.y, (p1, p0), tuple(prism))
         xx, xy, yx, yy = 1 + added.xx, added.xy, added.yx, 1 + added.yy
         return Bent(
@@ -172,7 +172,7 @@ class FTheta(Lens):
         limit = self.max_view_angle
         if not self._is_forward:
             limit = 1.0
-            while limit < _MAX_RADIUS and polynomial(limit) < self.max_view_angle and slope(limit) > 0:
+            while limit < MAX_RADIUS and polynomial(limit) < self.max_view_angle and slope(limit) > 0:
                 limit *= 2
         return Rising(lambda x: (polynomial(x), slope(x)), limit)
 

@@ -19,6 +19,7 @@ from warpvis.cameras.checks import check_matrix
 from warpvis.cameras.lenses._closed import EUCM, FOV, Division, DoubleSphere
 from warpvis.cameras.lenses._fisheyes import FTheta, KannalaBrandt, RadTanThinPrismFisheye, ThinPrismFisheye
 from warpvis.cameras.lenses._lens import Lens, check_coefficients, format_alternatives
+from warpvis.cameras.lenses._omnidirectional import Mei
 from warpvis.cameras.lenses._panoramas import Equirectangular
 from warpvis.cameras.lenses._pinhole import COUNTS, OpenCVPinhole
 from warpvis.core.checks import as_items, check_flag, check_text, is_number, truncate
@@ -92,8 +93,12 @@ def lens_from_kalibr(entry: Mapping[str, Any]) -> Lens:
         }
         return makes.get(distortion, lambda: KannalaBrandt(*intrinsics, coefficients))()
     if any(coefficients):
+        if model == "omni" and distortion == "radtan":
+            _check_count(coefficients, _KALIBR_COUNTS[distortion], "distortion_coeffs", distortion)
+            return Mei(*intrinsics, numbers[0], coefficients)
         raise CameraError(
-            f"distortion_model of camera_model {model} must be none, got {distortion} with non-zero coefficients"
+            f"distortion_model of camera_model {model} must be {'none or radtan' if model == 'omni' else 'none'}, got "
+            f"{distortion} with non-zero coefficients"
         )
     if model == "ds":
         return DoubleSphere(*intrinsics, *numbers[:2])
