@@ -255,6 +255,7 @@ def cast_rays_at(
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
 cast_table_packets = cast_ray_origin_packets = cast_ray_table
+cast_moving_ray_packets = cast_moving_rays
 
 
 def _cast(

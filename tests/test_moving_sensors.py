@@ -158,7 +158,7 @@ def test_rows_match_images_from_their_poses(device):
     eyes = np.linspace((-1.6, -1.3, 1.6), (-1.4, -1.5, 1.5), 48)
     rows = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in eyes])
     whole = wv.render(scene, CAMERA, rows, caster="rays", outputs=ALL)
-    by_time = wv.render(scene, shutter, Motion(rows, shutter.times[:, 0].tolist()), outputs=ALL)
+    by_time = wv.render(scene, shutter, Motion(rows, shutter.times[:, 0].tolist()), caster="rays", outputs=ALL)
     of_rows = wv.render(scene, CAMERA, Motion.per_ray(rows[:, None]), outputs=ALL)
     of_rays = wv.render(scene, CAMERA, Motion.per_ray(np.repeat(rows[None, :, None], 64, axis=2)), outputs=ALL)
     index = np.arange(48)

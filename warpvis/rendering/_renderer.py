@@ -427,7 +427,8 @@ class Renderer:
         if self._only_packets:
             raise CameraError('caster must be "rays" or "auto" for a Motion, got "packets"')
         if self._moving is None:
-            self._moving = MovingCaster(self.scene, self.camera, self._options)
+            single_rays = self.caster == "rays"
+            self._moving = MovingCaster(self.scene, self.camera, self._options, single_rays=single_rays)
         return self._moving
 
     def render_at(

@@ -59,6 +59,13 @@ struct Lanes {
         a = min(a, __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1));
         return a[0] < a[1] ? a[0] : a[1];
     }
+    static inline float max_of(Floats a) { return -min_of(-a); }
+    static inline float sum_of(Floats a) {
+        a += __builtin_shufflevector(a, a, 8, 9, 10, 11, 12, 13, 14, 15, 0, 1, 2, 3, 4, 5, 6, 7);
+        a += __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3);
+        a += __builtin_shufflevector(a, a, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1);
+        return a[0] + a[1];
+    }
     static inline Floats abs(Floats a) { return __builtin_elementwise_abs(a); }
     // One bit for every true lane.
     static inline unsigned bits(Ints mask) {

@@ -8,6 +8,15 @@
 
 #include "cpu/table_output.h"
 
+// One bundle of a view.
+struct BundleView {
+    const Job& job;
+    const RayTree& tree;
+    const Bundle& bundle;
+    const Pose& pose;  // of its pinhole camera
+    int index;  // of the view
+};
+
 template <RayKind KIND>
 struct Bundles {
     typedef TableJob Work;
@@ -20,24 +29,30 @@ struct Bundles {
         const int index = unit % table.views, bundle = unit / table.views;
         const Job job = table.job_of(bundle);
         const RayTree tree = table.tree_of(bundle);
-        const Image image = memory.image_of(job, tree);
-        const int groups = table.bundle[bundle].groups;
-        tree.begin(image, groups);
         const Pose pose = table.face_of(bundle, table.pose_of(index));
-        const View view = View::of<KIND>(scene, job, scene.movables.of_view(index), pose);
+        cast(scene, table, out, memory, {job, tree, table.bundle[bundle], pose, index}, mode);
+        for (int i = 0; bundle == 0 && i < table.without_rays; ++i)
+            Writer::put_empty(out, (long long)index * table.height * table.width + table.without_ray[i]);
+    }
+
+    static inline __attribute__((always_inline)) void cast(const Scene& scene, const TableJob& table, const Images& out,
+                                                           const TableMemory& memory, const BundleView& part,
+                                                           Mode mode) {
+        const Image image = memory.image_of(part.job, part.tree);
+        const int groups = part.bundle.groups, index = part.index;
+        part.tree.begin(image, groups);
+        const View view = View::of<KIND>(scene, part.job, scene.movables.of_view(index), part.pose);
         if (view.world.exists) Packets<KIND>::render(view, image, memory.traversal, mode);
         const long long first = (long long)index * table.height * table.width;
         // Two instantiations, as for pixels: one for scenes without movable objects.
         const auto write = [&](bool moving) __attribute__((always_inline)) {
             const Lookup lookup = Lookup::of(scene, memory.traversal.frames, view.pose.position, moving);
-            const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
-            TableWriter<KIND>{writer, table, tree, first}.tiles(groups);
+            const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, part.job, out, index, mode};
+            TableWriter<KIND>{writer, table, part.tree, first}.tiles(groups);
         };
         if (scene.movables.count > 0 && mode == MODE_TRIANGLES)
             write(true);
         else
             write(false);
-        for (int i = 0; bundle == 0 && i < table.without_rays; ++i)
-            Writer::put_empty(out, first + table.without_ray[i]);
     }
 };

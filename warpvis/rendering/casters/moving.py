@@ -20,6 +20,7 @@ from warpvis.core.threads import launch_images
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, PoseLike
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
+from warpvis.rendering.casters.moving_packets_cpu import MovingPackets
 from warpvis.rendering.casters.rays import RaysCaster, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
@@ -52,8 +53,8 @@ class MovingPoses:
 class MovingCaster(RaysCaster):
     """Cast with one thread per ray and one query of Warp's mesh per thread, from the pose at the time of the ray."""
 
-    def __init__(self, scene: Scene, camera: AnyCamera, options: CastOptions) -> None:
-        """Set up the caster.
+    def __init__(self, scene: Scene, camera: AnyCamera, options: CastOptions, *, single_rays: bool = False) -> None:
+        """Set up the caster; with `single_rays`, it never uses packets.
 
         Raises:
             CameraError: If the camera is orthographic.
@@ -61,6 +62,7 @@ class MovingCaster(RaysCaster):
         if camera.ray_model == "parallel":
             raise CameraError(f"camera must be a pinhole, a lens or Rays for a Motion, got {type(camera).__name__}")
         super().__init__(scene, camera, options)
+        self._packets = MovingPackets(scene, camera, options) if scene.device.is_cpu and not single_rays else None
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without device arrays."""
@@ -93,6 +95,15 @@ class MovingCaster(RaysCaster):
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views, whose poses are `MovingPoses`."""
+        if self._packets is None or not self._packets.takes(views):
+            self._cast_single_rays(views, images)
+            return
+        left = self._packets.cast_motion(views.poses.sensor, views, images)
+        for view in np.flatnonzero(left).tolist():
+            part = slice(view, view + 1)
+            self._cast_single_rays(views.part(part), {name: image[part] for name, image in images.items()})
+
+    def _cast_single_rays(self, views: ViewBatch, images: ImagesByName) -> None:
         from warpvis.kernels.casting.moving_objects import cast_at_moving_objects
         from warpvis.kernels.casting.moving_rays import cast_moving_rays
 

@@ -77,13 +77,16 @@ class Workspace:
     def run(self, scene: Any, views: ViewBatch, images: ImagesByName) -> None:
         """Cast the rays of a call: write the addresses of its arguments, copy its poses, and launch."""
         self._memory.scene, self._memory.worlds = scene.__ctype__(), views.worlds.__ctype__()
-        self._pose_rows[:] = views.poses
+        self._write_poses(views.poses)
         self._images.fill(images)
         if views.pixels is not None:
             self._job.pixels = views.pixels.flatten().view(wp.float32).flatten()
         launch_shared(self._launch, self._counter, self._workers)
         if views.pixels is not None:
             self._job.pixels = None
+
+    def _write_poses(self, poses: Any) -> None:
+        self._pose_rows[:] = poses
 
 
 class RayCosts:

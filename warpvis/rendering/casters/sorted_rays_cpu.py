@@ -26,6 +26,9 @@ _LANES = CPU_LANES
 _GROUP = _LANES * _LANES
 # Maximum number of groups in a bundle, so that a bundle fits a core's cache and an image has a few units of work.
 _MAX_GROUPS = 10
+# For sensors that move within a frame: maximum number of groups in a bundle, minimum number of bundles in a frame, and
+# a time in which sensors do not move far [s].
+_MAX_MOVING_GROUPS, _MIN_BUNDLES, _SHORT_TIME = 2, 16, 0.004
 # Maximum tangent of the field of view of a single pinhole.
 _MAX_TANGENT = 1.6
 # Pixels of a bundle's image between neighboring rays: the resolution of positions and, nearly, of bounds.
@@ -82,12 +85,15 @@ class PreparedRays:
     """Greatest length of a ray at depth 1."""
 
 
-def prepare_rays(rays: NDArray[np.float64]) -> PreparedRays:
-    """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray."""
+def prepare_rays(rays: NDArray[np.float64], times: NDArray[np.float64] | None = None) -> PreparedRays:
+    """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray.
+
+    With times of rays [s], shape (H, W), bundles are small, and the rays of a bundle are cast at about the same time.
+    """
     from warpvis.kernels.casting.ray_bundle_packets import RayBundles
 
     split = split_rays(rays)
-    tiles, columns, bundles = _sort(split)
+    tiles, columns, bundles = _sort(split, times)
     layout = _Layout(tiles, columns, bundles, split)
     struct = RayBundles()
     struct.bundle = wp.array(np.array(layout.bundle, dtype=np.int32).reshape(-1, 9), dtype=wp.int32, device="cpu")
@@ -139,7 +145,9 @@ def component(rays: NDArray, axis: int) -> NDArray:
     return -rays[..., ~axis] if axis < 0 else rays[..., axis]
 
 
-def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[int, int, int]]]:
+def _sort(
+    split: SplitRays, times: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.int64], NDArray[np.int64], list[tuple[int, int, int]]]:
     """Return tiles, the number of table columns of each tile's packets, and bundles: (face, first tile, end tile).
 
     A tile consists of sixteen packets of pixel indices, or -1 for none, shape (tiles, 16, 16). The number of columns is
@@ -150,13 +158,35 @@ def _sort(split: SplitRays) -> tuple[NDArray[np.int64], NDArray[np.int64], list[
     for number in range(len(split.axes)):
         face_tiles, num_columns = _tiles(split.face == number, split.positions)
         centers = _centers(face_tiles.reshape(len(face_tiles), -1), split.positions)
-        for bundle in _split(centers, np.arange(len(face_tiles)), _LANES, _MAX_GROUPS * _LANES):
+        whole, size = np.arange(len(face_tiles)), _MAX_GROUPS * _LANES
+        parts = _split(centers, whole, _LANES, size) if times is None else _split_in_time(face_tiles, centers, times)
+        for bundle in parts:
             order = np.concatenate(list(_split(centers, bundle, _LANES, _LANES)))
             tiles.append(face_tiles[order])
             columns.append(np.full(len(order), num_columns))
             bundles.append((number, first, first + len(order)))
             first += len(order)
     return np.concatenate(tiles), np.concatenate(columns), bundles
+
+
+def _split_in_time(tiles: NDArray[np.int64], centers: NDArray, times: NDArray[np.float64]) -> Iterator[NDArray]:
+    """Split tiles into small bundles of which each takes a small part of a frame, where single tiles do."""
+    moments = np.where(tiles >= 0, times.ravel()[tiles], np.nan).reshape(len(tiles), -1)
+    first, last = np.nanmin(moments, axis=1), np.nanmax(moments, axis=1)
+    longest = max(float(np.ptp(times)) / _MIN_BUNDLES, _SHORT_TIME, 2 * float(np.mean(last - first)))
+
+    def split(items: NDArray) -> Iterator[NDArray]:
+        takes_long = len(items) > 1 and last[items].max() - first[items].min() > longest
+        if not takes_long and len(items) <= _MAX_MOVING_GROUPS * _LANES:
+            yield items
+            return
+        longer = int(np.argmax(np.ptp(centers[items], axis=0)))
+        order = items[np.argsort((first + last if takes_long else centers[:, longer])[items], kind="stable")]
+        cut = len(items) // 2 if len(items) < 2 * _LANES else _LANES * (len(items) // (2 * _LANES))
+        yield from split(order[:cut])
+        yield from split(order[cut:])
+
+    yield from split(np.arange(len(tiles)))
 
 
 def _tiles(in_face: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:

@@ -1,0 +1,210 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The motion of a sensor, as in kernels/casting/motions.py, relative to a reference pose: for many rays at once.
+//
+// Within a leg, the pose at share s is the pose at share b times exp((s - b) w), where the w is the leg's rotation
+// vector: both rotate about the same axis of the body. With W the cross product matrix of w and x = (s - b)^2 |w|^2,
+//
+//     exp((s - b) w) = 1 + (s - b) S(x) W + (s - b)^2 C(x) W^2,    S(x) = sin(r) / r,  C(x) = (1 - cos(r)) / r^2
+//
+// with r = sqrt(x) (Rodrigues' formula). On a screw motion, s is the time, and the position moves by
+//
+//     (s - b) v + (s - b)^2 C(x) W v + (s - b)^3 D(x) W^2 v,    D(x) = (r - sin(r)) / r^3
+//
+// (Lynch and Park, "Modern Robotics", 2017, equation 3.88). Near the reference x is small: polynomials suffice.
+
+#pragma once
+
+#include "shared/pose.h"
+
+// Doubles of some lanes: few enough that a ray's numbers stay in registers.
+enum { SOME = 4 };
+typedef double Some __attribute__((ext_vector_type(SOME)));
+
+// The first terms of the series of S, C and D.
+struct SmallAngle {
+    Some sine, cosine, cube;
+
+    static constexpr double MAX_SQUARE = 0.25;  // up to here, the terms left out are below 4e-14
+
+    static inline SmallAngle of(Some x) {
+        return SmallAngle{
+            1 - x * (1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880 - x * (1.0 / 39916800))))),
+            0.5 - x * (1.0 / 24 - x * (1.0 / 720 - x * (1.0 / 40320 - x * (1.0 / 3628800 - x * (1.0 / 479001600))))),
+            1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880 - x * (1.0 / 39916800)))),
+        };
+    }
+};
+
+// A `Leg` of kernels/casting/motions.py: its pose is a function of the share of the leg that has passed.
+struct SensorLeg {
+    double origin[3], rotation[4], path[3], vector[3];
+
+    // The pose at a share, with axes in the world.
+    inline Pose at(double share, bool is_screw) const {
+        const double square = share * share * dot(vector, vector), angle = __builtin_sqrt(square);
+        const double sine = __builtin_sin(angle / 2), half = angle > 0 ? sine / angle : 0.5;
+        double turn[4], moved[3];
+        for (int k = 0; k < 3; ++k) turn[k] = half * share * vector[k];
+        turn[3] = __builtin_cos(angle / 2);
+        const double *a = rotation, *b = turn;
+        const double x = a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1];
+        const double y = a[3] * b[1] + a[1] * b[3] + a[2] * b[0] - a[0] * b[2];
+        const double z = a[3] * b[2] + a[2] * b[3] + a[0] * b[1] - a[1] * b[0];
+        const double w = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
+        Pose pose;
+        Pose::axes_of(x, y, z, w, 2.0, pose.axis);
+        if (is_screw)
+            move_along_screw(share, square, half, angle, moved);
+        else
+            for (int k = 0; k < 3; ++k) moved[k] = share * path[k];
+        for (int k = 0; k < 3; ++k) pose.position[k] = origin[k] + moved[k];
+        return pose;
+    }
+    // How far a screw motion moves the position from share 0, in the world. `half` is sin(angle / 2) / angle.
+    inline void move_along_screw(double share, double square, double half, double angle, double* moved) const {
+        // (angle - sin(angle)) / angle^3 suffers from cancellation near 0, where its series is used.
+        const double third = angle > 1e-2 ? (angle - __builtin_sin(angle)) / (square * angle) : (1 - square / 20) / 6;
+        double once[3], twice[3], local[3];
+        cross(vector, path, once);
+        cross(vector, once, twice);
+        for (int k = 0; k < 3; ++k)
+            local[k] = share * (path[k] + share * (2 * half * half * once[k] + share * third * twice[k]));
+        Pose first;
+        Pose::axes_of(rotation[0], rotation[1], rotation[2], rotation[3], 2.0, first.axis);
+        first.rotate_out(local, moved);
+    }
+
+    static inline double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+    static inline void cross(const double* a, const double* b, double* out) {
+        for (int k = 0; k < 3; ++k) out[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
+    }
+};
+
+// A leg relative to a reference pose, in its frame.
+struct RelativeLeg {
+    double begin;  // time from which on the leg applies [s]; -infinity for the first one
+    double base, rate;  // s - b = (time - base) * rate
+    double square;  // |w|^2
+    double turn[3][3][3];  // the rotation is turn[0] + (s - b) S turn[1] + (s - b)^2 C turn[2]
+    // The position is path[0] + (s - b) path[1] + (s - b)^2 C path[2] + (s - b)^3 D path[3].
+    double path[4][3];
+
+    static inline RelativeLeg of(const SensorLeg& leg, double share, bool is_screw, const Pose& reference) {
+        RelativeLeg part;
+        part.square = SensorLeg::dot(leg.vector, leg.vector);
+        const Pose base = leg.at(share, is_screw);
+        for (int j = 0; j < 3; ++j) {
+            double axis[3], once[3] = {0, 0, 0}, across[3][3];
+            once[j] = 1;
+            SensorLeg::cross(leg.vector, once, across[0]);
+            SensorLeg::cross(leg.vector, across[0], across[1]);
+            for (int order = 0; order < 3; ++order) {
+                double world[3];
+                base.rotate_out(order ? across[order - 1] : once, world);
+                reference.rotate_into(world, axis);
+                for (int i = 0; i < 3; ++i) part.turn[order][i][j] = axis[i];
+            }
+        }
+        reference.transform_into(base.position, part.path[0]);
+        if (is_screw) {
+            part.set_screw(leg, base, reference);
+        } else {
+            reference.rotate_into(leg.path, part.path[1]);
+            for (int k = 0; k < 3; ++k) part.path[2][k] = part.path[3][k] = 0;
+        }
+        return part;
+    }
+    inline void set_screw(const SensorLeg& leg, const Pose& base, const Pose& reference) {
+        double along[3] = {leg.path[0], leg.path[1], leg.path[2]}, world[3], next[3];
+        for (int order = 1; order < 4; ++order) {
+            base.rotate_out(along, world);
+            reference.rotate_into(world, path[order]);
+            SensorLeg::cross(leg.vector, along, next);
+            for (int k = 0; k < 3; ++k) along[k] = next[k];
+        }
+    }
+
+    // Rays of the sensor frame at their times: `direction` and `origin` are replaced by those in the reference frame.
+    // Null origins are the frame's origin. The greatest square of the angle so far is in `most`.
+    inline void move(Some time, Some* direction, Some* origin, bool has_origin, Some& most) const {
+        const Some share = (time - base) * rate, x = share * share * square;
+        const SmallAngle small = SmallAngle::of(x);
+        const Some once = share * small.sine, twice = share * share * small.cosine, thrice = share * share * share;
+        most = x > most ? x : most;
+        Some moved[3], from[3];
+        for (int i = 0; i < 3; ++i) {
+            Some row[3];
+            for (int j = 0; j < 3; ++j) row[j] = turn[0][i][j] + once * turn[1][i][j] + twice * turn[2][i][j];
+            moved[i] = row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2];
+            from[i] = path[0][i] + share * path[1][i] + twice * path[2][i] + thrice * small.cube * path[3][i];
+            if (has_origin) from[i] += row[0] * origin[0] + row[1] * origin[1] + row[2] * origin[2];
+        }
+        for (int i = 0; i < 3; ++i) direction[i] = moved[i], origin[i] = from[i];
+    }
+};
+
+// The legs of a `Motion` of kernels/casting/motions.py.
+struct SensorMotion {
+    const SensorLeg* legs;  // [instant][view], or one for all views
+    int rows, instants;  // of legs
+    const double *times, *starts;  // [instant]; [view]: start of its frame [s]; null if there is one instant, or for 0
+    bool is_screw;
+
+    template <class Motion>
+    static inline SensorMotion of(const Motion& motion) {
+        static_assert(sizeof *motion.legs.data == sizeof(SensorLeg), "Python stores rows of numbers");
+        return SensorMotion{(const SensorLeg*)motion.legs.data,
+                            motion.legs.shape[1],
+                            motion.legs.shape[0],
+                            motion.times.data,
+                            motion.starts.data,
+                            motion.is_screw};
+    }
+};
+
+// The path of one view's sensor.
+struct SensorPath {
+    const SensorMotion& motion;
+    int row;
+    double start;  // of the view's frame [s]
+
+    static inline SensorPath of(const SensorMotion& motion, int view) {
+        return SensorPath{motion, view < motion.rows ? view : motion.rows - 1,
+                          motion.starts ? motion.starts[view] : 0.0};
+    }
+    inline const SensorLeg& leg(int instant) const { return motion.legs[(long long)instant * motion.rows + row]; }
+    // The last leg that has begun at a time, or the first one.
+    inline int leg_at(double time) const {
+        int low = 0;
+        if (motion.times)
+            for (int high = motion.instants; high - low > 1;) {
+                const int middle = (low + high) / 2;
+                (motion.times[middle] <= time ? low : high) = middle;
+            }
+        return low;
+    }
+    inline bool has_end(int instant) const { return motion.times && instant + 1 < motion.instants; }
+    inline double begin(int instant) const { return motion.times ? motion.times[instant] : 0.0; }
+    // The share of a leg that passes in a second; a leg without end does not move.
+    inline double rate(int instant) const {
+        if (motion.is_screw) return 1.0;
+        return has_end(instant) ? 1.0 / (motion.times[instant + 1] - motion.times[instant]) : 0.0;
+    }
+    inline double share(int instant, double time) const { return (time - begin(instant)) * rate(instant); }
+
+    inline Pose at(double time) const {
+        const int instant = leg_at(time);
+        return leg(instant).at(share(instant, time), motion.is_screw);
+    }
+    // A leg near a time, relative to a pose.
+    inline RelativeLeg relative(int instant, double time, const Pose& reference) const {
+        if (motion.times && time < motion.times[instant]) time = motion.times[instant];
+        if (has_end(instant) && time > motion.times[instant + 1]) time = motion.times[instant + 1];
+        RelativeLeg part = RelativeLeg::of(leg(instant), share(instant, time), motion.is_screw, reference);
+        part.base = time, part.rate = rate(instant);
+        part.begin = instant == 0 ? -__builtin_inf() : begin(instant);
+        return part;
+    }
+};

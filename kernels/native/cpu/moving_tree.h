@@ -1,0 +1,293 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// Bundles of the rays of a sensor that moves within a frame. In a short time, rays from a moving sensor are rays with
+// distinct origins: each bundle of a view has its own `RayTree`, built from the sensor's poses at the times of its rays
+// and relative to the pose in the middle of them. The order of rays in the tree is that of the sensor at rest.
+
+#pragma once
+
+#include "cpu/legs.h"
+#include "cpu/table_job.h"
+#include "cpu/tile_fit.h"
+
+// Rays of the sensor frame, in the order of the tree: [coordinate][ray].
+struct TimedRays {
+    const double *direction, *origin;  // of depth 1; null if all origins are 0
+    const double* time;  // [ray]
+    const double* middle;  // [bundle]: of its times
+    long long count;
+
+    // Those of a `MovingRays` of kernels/casting/moving_ray_packets.py.
+    template <class MovingRays>
+    static inline TimedRays of(const MovingRays& rays) {
+        return TimedRays{rays.directions.data, rays.origins.data, rays.times.data, rays.middles.data,
+                         rays.times.shape[0]};
+    }
+    static inline Some some(const double* from) {
+        Some value;
+        __builtin_memcpy(&value, from, sizeof value);
+        return value;
+    }
+};
+
+// Memory for the tree of one bundle.
+struct MovingTree {
+    float *u, *v, *rest_u, *rest_v, *scale, *p, *q, *begin, *clip_inv_z, *row_u, *row_v, *row_p, *row_q;
+    float *packet_bounds, *tile_bounds, *group_bounds, *range;
+    RayFit* fit;
+
+    static inline MovingTree carve(Arena& arena, int groups) {
+        const long long tiles = (long long)groups * LANES, packets = tiles * LANES, rays = packets * LANES;
+        MovingTree tree;
+        float** const arrays[] = {&tree.u,     &tree.v,     &tree.rest_u, &tree.rest_v,     &tree.scale,
+                                  &tree.p,     &tree.q,     &tree.begin,  &tree.clip_inv_z, &tree.row_u,
+                                  &tree.row_v, &tree.row_p, &tree.row_q};
+        for (float** const array : arrays) *array = arena.floats(rays);
+        tree.packet_bounds = arena.floats(packets * RayTree::BOUND_ROWS);
+        tree.tile_bounds = arena.floats(tiles * RayTree::BOUND_ROWS);
+        tree.group_bounds = arena.floats(LANES * RayTree::BOUND_ROWS);
+        tree.range = arena.floats(tiles * RayOrigins::RANGE_WORDS);
+        tree.fit = (RayFit*)arena.take(tiles * (long long)sizeof(RayFit));
+        return tree;
+    }
+    // The tree of a bundle, with what does not depend on the motion from that of the sensor at rest.
+    inline RayTree of(const RayTree& rest) const {
+        RayTree tree = rest;
+        tree.u = u, tree.v = v, tree.rest_u = rest_u, tree.rest_v = rest_v, tree.row_u = row_u, tree.row_v = row_v;
+        tree.scale = scale, tree.fit = fit;
+        tree.packet_bounds = packet_bounds, tree.tile_bounds = tile_bounds, tree.group_bounds = group_bounds;
+        tree.origins = RayOrigins{
+            .p = p, .q = q, .begin = begin, .clip_inv_z = clip_inv_z, .row_p = row_p, .row_q = row_q, .range = range};
+        return tree;
+    }
+};
+
+// Least and greatest of the numbers of some lanes.
+struct LaneRange {
+    Floats low = Lanes::all(NOWHERE), high = Lanes::all(-NOWHERE);
+
+    inline void add(Floats value, Ints which) {
+        low = Lanes::min(low, which ? value : Lanes::all(NOWHERE));
+        high = Lanes::max(high, which ? value : Lanes::all(-NOWHERE));
+    }
+    inline float least() const { return Lanes::min_of(low); }
+    inline float greatest() const { return Lanes::max_of(high); }
+};
+
+// Builds the tree of a bundle in two passes: rays in the reference frame, then their intersections with the plane of
+// the eye, which is chosen in between.
+struct MovingTreeMaker {
+    const MovingTree& tree;
+    const RayTree& rest;  // at rest
+    const Bundle& bundle;
+    float focal;
+    int tiles;
+    LaneRange from[3];  // origins of rays
+    LaneRange per_z;  // 1 / z of directions of depth 1
+    float eye[3], max_p = 0.0f, max_q = 0.0f, max_origin_z = 0.0f;
+
+    enum { MAX_LEGS = 64 };
+    static constexpr float MARGIN = 1e-3f;  // of bounds [px]
+    static constexpr float MAX_TANGENT = 4.0f;  // of the angle between a ray and the bundle's axis
+    // Greatest extent of origins for which packets are faster than single rays [m].
+    static constexpr float MAX_EXTENT = 0.5f;
+    static constexpr float ROUNDED = 1e-6f;  // bound of the relative rounding error of single precision, with a margin
+
+    // Whether a tree could be built. It is not if the sensor moves too far, or rotates too much.
+    inline bool make(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
+                     long long first) {
+        tiles = bundle.groups * LANES;
+        if (!move(rays, path, reference, middle, first)) return false;
+        for (int i = 0; i < 3; ++i)
+            if (!(from[i].greatest() - from[i].least() <= MAX_EXTENT)) return false;
+        eye[0] = 0.5f * (from[0].least() + from[0].greatest());
+        eye[1] = 0.5f * (from[1].least() + from[1].greatest());
+        eye[2] = from[2].least();
+        max_origin_z = (from[2].greatest() - eye[2]) * (1.0f + ROUNDED);
+        for (int tile = 0; tile < tiles; ++tile) cross_plane(tile);
+        bound_tiles();
+        return is_ahead();
+    }
+    inline bool is_ahead() const {
+        if (!(per_z.least() > 0.0f)) return false;
+        float reach = 0.0f;
+        for (int side = 0; side < RayTree::BOUND_ROWS; ++side)
+            for (int k = 0; k < bundle.groups; ++k)
+                reach = __builtin_fmaxf(reach, __builtin_fabsf(tree.group_bounds[side * LANES + k]));
+        return reach <= MAX_TANGENT * focal;
+    }
+
+    // First pass. The legs of all rays are between those of the first and the last time.
+    inline bool move(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
+                     long long first) {
+        double earliest = __builtin_inf(), latest = -__builtin_inf();
+        const long long count = (long long)tiles * LANES * LANES;
+        Some low = (Some)(__builtin_inf()), high = -low, most = (Some)(0.0);
+        for (long long k = 0; k < count; k += SOME) {
+            const Some time = TimedRays::some(rays.time + first + k);
+            low = time < low ? time : low, high = time > high ? time : high;
+        }
+        for (int k = 0; k < SOME; ++k) {
+            earliest = __builtin_fmin(earliest, low[k]);
+            latest = __builtin_fmax(latest, high[k]);
+        }
+        const int first_leg = path.leg_at(earliest + path.start),
+                  legs = path.leg_at(latest + path.start) - first_leg + 1;
+        if (legs > MAX_LEGS) return false;
+        RelativeLeg leg[MAX_LEGS];
+        for (int k = 0; k < legs; ++k) leg[k] = path.relative(first_leg + k, middle, reference);
+        for (int packet = 0; packet < tiles * LANES; ++packet)
+            if (has_rays(packet))
+                move_packet(rays, leg, legs, path.start, first + (long long)packet * LANES, packet, most);
+        for (int k = 0; k < SOME; ++k)
+            if (!(most[k] <= SmallAngle::MAX_SQUARE)) return false;
+        return true;
+    }
+    inline bool has_rays(int packet) const {
+        return Lanes::any(Lanes::load(rest.place + packet * LANES) >= Lanes::all_ints(0));
+    }
+    inline void move_packet(const TimedRays& rays, const RelativeLeg* leg, int legs, double start, long long first,
+                            int packet, Some& most) {
+        const bool has_origin = rays.origin != nullptr;
+        const int slot = packet * LANES;
+        for (int part = 0; part < LANES; part += SOME) {
+            const long long ray = first + part;
+            const Some time = TimedRays::some(rays.time + ray) + start;
+            Some direction[3], origin[3];
+            load(rays, ray, direction, origin);
+            leg[0].move(time, direction, origin, has_origin, most);
+            for (int k = 1; k < legs; ++k) {
+                const auto later = time >= leg[k].begin;
+                if (!__builtin_reduce_or(later)) break;
+                Some other[3], other_origin[3];
+                load(rays, ray, other, other_origin);
+                // Rays of other legs must not count as large angles.
+                leg[k].move(later ? time : (Some)(leg[k].base), other, other_origin, has_origin, most);
+                for (int i = 0; i < 3; ++i) {
+                    direction[i] = later ? other[i] : direction[i];
+                    origin[i] = later ? other_origin[i] : origin[i];
+                }
+            }
+            const Some inverse = 1.0 / direction[2], exact_u = focal * direction[0] * inverse,
+                       exact_v = focal * direction[1] * inverse;
+            put(tree.rest_u + slot + part, exact_u - put(tree.u + slot + part, exact_u));
+            put(tree.rest_v + slot + part, exact_v - put(tree.v + slot + part, exact_v));
+            put(tree.scale + slot + part, inverse);
+            put(tree.p + slot + part, origin[0]), put(tree.q + slot + part, origin[1]);
+            put(tree.begin + slot + part, origin[2]);
+        }
+        const Ints has_ray = Lanes::load(rest.place + slot) >= Lanes::all_ints(0);
+        from[0].add(Lanes::load(tree.p + slot), has_ray), from[1].add(Lanes::load(tree.q + slot), has_ray);
+        from[2].add(Lanes::load(tree.begin + slot), has_ray);
+        per_z.add(Lanes::load(tree.scale + slot), has_ray);
+    }
+    // Store numbers in single precision; returns the rounded ones.
+    static inline Some put(float* to, Some value) {
+        typedef float Rounded __attribute__((ext_vector_type(SOME)));
+        const Rounded rounded = __builtin_convertvector(value, Rounded);
+        __builtin_memcpy(to, &rounded, sizeof rounded);
+        return __builtin_convertvector(rounded, Some);
+    }
+    static inline void load(const TimedRays& rays, long long ray, Some* direction, Some* origin) {
+        for (int i = 0; i < 3; ++i) {
+            direction[i] = TimedRays::some(rays.direction + i * rays.count + ray);
+            origin[i] = rays.origin ? TimedRays::some(rays.origin + i * rays.count + ray) : (Some)(0.0);
+        }
+    }
+
+    // Second pass.
+    inline void cross_plane(int tile) {
+        LaneRange moments[3];
+        Floats size[3] = {};
+        bool full = true;
+        for (int child = 0; child < LANES; ++child) {
+            const int ray = (tile * LANES + child) * LANES;
+            const Ints has_ray = Lanes::load(rest.place + ray) >= Lanes::all_ints(0);
+            full &= Lanes::bits(has_ray) == (1u << LANES) - 1;
+            float* bounds = tree.packet_bounds + tile * (RayTree::BOUND_ROWS * LANES);
+            if (!Lanes::any(has_ray)) {
+                set_bounds(bounds, child, RayBox{NOWHERE, NOWHERE, -NOWHERE, -NOWHERE});
+                continue;
+            }
+            const Floats u = Lanes::load(tree.u + ray), v = Lanes::load(tree.v + ray);
+            const Floats z = Lanes::max(Lanes::load(tree.begin + ray) - eye[2], Lanes::all(0.0f));
+            const Floats p = focal * (Lanes::load(tree.p + ray) - eye[0]) - u * z;
+            const Floats q = focal * (Lanes::load(tree.q + ray) - eye[1]) - v * z;
+            const Floats per_z = 1.0f / z;
+            Lanes::store(tree.p + ray, p), Lanes::store(tree.q + ray, q), Lanes::store(tree.begin + ray, z);
+            Lanes::store(tree.clip_inv_z + ray, Lanes::min(per_z, Lanes::all(NOWHERE)));
+            const Floats terms[3] = {Lanes::abs(p), Lanes::abs(q), Lanes::abs(u * q) + Lanes::abs(v * p)};
+            moments[0].add(p, has_ray), moments[1].add(q, has_ray), moments[2].add(u * q - v * p, has_ray);
+            for (int i = 0; i < 3; ++i) size[i] = Lanes::max(size[i], has_ray ? terms[i] : Lanes::all(0.0f));
+            LaneRange at_u, at_v;
+            at_u.add(u, has_ray), at_v.add(v, has_ray);
+            set_bounds(bounds, child,
+                       RayBox{at_u.least() - MARGIN, at_v.least() - MARGIN, at_u.greatest() + MARGIN,
+                              at_v.greatest() + MARGIN});
+        }
+        float* range = tree.range + tile * RayOrigins::RANGE_WORDS;
+        for (int i = 0; i < 3; ++i) {
+            const float low = moments[i].least(), high = moments[i].greatest(), most = Lanes::max_of(size[i]);
+            const bool empty = low > high;
+            range[i] = empty ? 0.0f : 0.5f * (low + high);
+            range[i + 3] = empty ? 0.0f : 0.5f * (high - low) + 2.0f * ROUNDED * most;
+            if (i == 0) max_p = __builtin_fmaxf(max_p, most * (1.0f + ROUNDED));
+            if (i == 1) max_q = __builtin_fmaxf(max_q, most * (1.0f + ROUNDED));
+        }
+        set_fit(tile, full);
+    }
+    static inline void set_bounds(float* rows, int child, const RayBox& box) {
+        rows[child] = box.u0, rows[LANES + child] = box.v0;
+        rows[2 * LANES + child] = box.u1, rows[3 * LANES + child] = box.v1;
+    }
+
+    inline void set_fit(int tile, bool full) {
+        RayFit& fit = tree.fit[tile];
+        fit = RayFit();
+        const RayFit& at_rest = rest.fit[tile];
+        if (!full || at_rest.spacing <= 0.0f) return;
+        const long long first = (long long)tile * (LANES * LANES);
+        const TileFit found = TileFit::of((int)at_rest.shift, tree.u + first, tree.v + first);
+        fit = found.words();
+        if (fit.spacing <= 0.0f) return;
+        found.grid.to_rows(tree.u + first, tree.row_u + first);
+        found.grid.to_rows(tree.v + first, tree.row_v + first);
+        found.grid.to_rows(tree.p + first, tree.row_p + first);
+        found.grid.to_rows(tree.q + first, tree.row_q + first);
+    }
+
+    // Bounds of tiles from those of packets, and of groups from those of tiles.
+    inline void bound_tiles() {
+        const int rows = RayTree::BOUND_ROWS * LANES;
+        for (int tile = 0; tile < tiles; ++tile)
+            set_bounds(tree.tile_bounds + tile / LANES * rows, tile % LANES, around(tree.packet_bounds + tile * rows));
+        for (int group = 0; group < LANES; ++group)
+            set_bounds(tree.group_bounds, group,
+                       group < bundle.groups ? around(tree.tile_bounds + group * rows)
+                                             : RayBox{NOWHERE, NOWHERE, -NOWHERE, -NOWHERE});
+    }
+    static inline RayBox around(const float* rows) {
+        return RayBox{Lanes::min_of(Lanes::load(rows)), Lanes::min_of(Lanes::load(rows + LANES)),
+                      -Lanes::min_of(-Lanes::load(rows + 2 * LANES)), -Lanes::min_of(-Lanes::load(rows + 3 * LANES))};
+    }
+
+    // Greatest distance of the origin of a ray from the eye.
+    inline float reach() const {
+        double square = (double)max_origin_z * max_origin_z;
+        for (int i = 0; i < 2; ++i) {
+            const double half = 0.5 * ((double)from[i].greatest() - from[i].least());
+            square += half * half;
+        }
+        return (float)__builtin_sqrt(square) * (1.0f + 2.0f * ROUNDED);
+    }
+    // The bundle's image: whole pixels that contain all rays.
+    inline Bundle image_bundle() const {
+        const RayBox box = around(tree.group_bounds);
+        Bundle part = bundle;
+        const int left = (int)__builtin_floorf(box.u0) - 1, top = (int)__builtin_floorf(box.v0) - 1;
+        part.width = (int)__builtin_ceilf(box.u1) + 1 - left, part.height = (int)__builtin_ceilf(box.v1) + 1 - top;
+        part.center[0] = -left, part.center[1] = -top;
+        return part;
+    }
+};

@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Packets of rays from moving sensors on CPU cores: a float64 reference, single rays, and sensors too fast for them."""
+
+import numpy as np
+import pytest
+from pose_samples import unit
+
+import warpvis as wv
+from warpvis.cameras import LensCamera, Rays, lenses
+from warpvis.sensors import Motion, RollingShutter
+
+import reference
+from compare import assert_view_matches, hair, wrong_depth
+from support.ray_patterns import few_origins, sphere_of_rays
+from support.worlds import ALL, assert_bits_equal, build, random_poses
+
+TURN = 0.1
+IMAGES = (*ALL, "faces")
+
+
+def drive(rng, views, instants):
+    """Return a motion along a path with `instants` poses, each a few degrees and centimeters from the last."""
+    first = random_poses(rng, views, spread=0.3).astype(np.float64)
+    steps = rng.normal(size=(instants, views, 7)) * np.repeat([0.02, 0.01], [3, 4])
+    return Motion(unit(first + np.cumsum(steps, axis=0)), np.linspace(0, TURN, instants))
+
+
+def twist(rng, views, speed=2.0, turns=1.0):
+    first = random_poses(rng, views, spread=0.3)
+    return Motion.from_twist(first, speed * rng.normal(size=3), turns * rng.normal(size=3))
+
+
+def spinning(count, columns):
+    """Return rays in columns around the z axis, one column after the other, with origins beside the axis."""
+    azimuth = -2 * np.pi * np.arange(columns) / columns
+    elevation = np.radians(np.linspace(25, -25, count))[:, None]
+    directions = np.stack(
+        np.broadcast_arrays(
+            np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
+        ),
+        axis=-1,
+    )
+    times = np.broadcast_to(np.arange(columns) * (TURN / columns), (count, columns))
+    return directions, 0.03 * directions * (1, 1, 0), times
+
+
+def remaining_views(renderer, motion):
+    """Return which views of a motion the packets of a renderer cannot cast."""
+    caster = renderer._moving_caster()
+    views = caster.parse(motion, None, None, None, None, None)
+    images = wv.rendering.views_for(("depth",), (views.count, *renderer.camera.shape), renderer.scene.device)
+    return caster._packets.cast_motion(views.poses.sensor, views, {"depth": images.depth})
+
+
+@pytest.mark.parametrize("make", [lambda rng: drive(rng, 2, 9), lambda rng: twist(rng, 2)], ids=["path", "twist"])
+def test_moving_packets_match_reference(make):
+    rng = np.random.default_rng(0)
+    scene, motion = build("cpu", random_poses(rng, 5, spread=1.5), movable=True), make(rng)
+    directions, origins, times = spinning(24, 36)
+    lidar = Rays(directions, origins, times, near=0.2, far=4.0)
+    renderer = wv.Renderer(scene, lidar, outputs=ALL)
+    assert not remaining_views(renderer, motion).any()
+    views = renderer.render(motion)
+    for view in range(2):
+        poses = motion.at(times)[:, :, view]
+        expected = reference.cast_moving_rays(scene, lidar.rays, poses, origins, near=lidar.near, far=lidar.far)
+
+        def beside(x, y, poses=poses):
+            rays = lidar.rays[y, x] + hair(1e-6, 3)
+            around = np.broadcast_to(poses[y, x], (*rays.shape[:-1], 7))
+            return reference.cast_moving_rays(scene, rays, around, origins[y, x] + 0 * rays, near=0.2, far=4.0).depth
+
+        assert_view_matches(views, view, expected, beside)
+        assert np.isfinite(expected.depth).mean() > 0.2
+
+
+def sensors():
+    """Return cameras with times: lidars, a list of rays in any order, and shutters, one with pixels without a ray."""
+    lens = LensCamera(lenses.KannalaBrandt(60, 60, 80, 60, (0.02, 0.01, 0, 0)), 160, 120)
+    return {
+        "ouster": wv.sensors.lidars.ouster("OS1-128", mode="512x10"),
+        "velodyne": wv.sensors.lidars.hdl64e(),
+        "list": Rays(sphere_of_rays(3000), few_origins(3000), np.random.default_rng(0).uniform(0, TURN, 3000)),
+        "camera": RollingShutter(wv.Camera.from_fov(150, 110, hfov=1.1), 0.03),
+        "fisheye": RollingShutter(lens, 0.02, "right_to_left"),
+    }
+
+
+@pytest.mark.smoke("ouster")
+@pytest.mark.parametrize("name", sensors())
+def test_moving_packets_match_single_rays(name):
+    """Worlds have poses of objects of their own, and exclude one; a motion has starts and several instants."""
+    rng, camera = np.random.default_rng(1), sensors()[name]
+    rows = np.stack([random_poses(rng, 5, spread=1.5) for _ in range(3)])
+    scene = build("cpu", rows[0], movable=True)
+    room = wv.scenes.PRESETS["room"].build()
+    path = drive(rng, 1, 40)
+    starting = Motion(path.at(np.linspace(0, TURN, 40))[:, 0], np.linspace(0, 0.4, 40), starts=[0.0, 0.1, 0.25])
+    worlds, seen = {"object_poses": rows, "exclude": ["moved_1"]}, set()
+    for there, motion, more in (
+        (room, twist(rng, 3), {"cull_backfaces": True}),
+        (scene, twist(rng, 3), worlds),
+        (scene, starting, {**worlds, "world_index": [2, 0, 1]}),
+    ):
+        packets = wv.render(there, camera, motion, outputs=IMAGES, **more)
+        rays = wv.render(there, camera, motion, outputs=IMAGES, caster="rays", **more)
+        differ = wrong_depth(packets.depth.numpy(), rays.depth.numpy().astype(np.float64))
+        for image in ("segmentation", "labels", "faces"):
+            differ |= getattr(packets, image).numpy() != getattr(rays, image).numpy()
+        for image in ("points", "normals"):
+            one, other = getattr(packets, image).numpy(), getattr(rays, image).numpy()
+            differ |= ~np.isclose(one, other, atol=1e-4, equal_nan=True).all(axis=-1)
+        assert differ.mean() <= 1e-4
+        seen.update(packets.segmentation.numpy().ravel().tolist())
+        assert not remaining_views(wv.Renderer(there, camera), motion).any()
+    assert len(seen) > 3
+
+
+def test_views_that_move_too_far_for_packets_are_cast_as_single_rays():
+    scene, lidar = wv.scenes.PRESETS["room"].build(), Rays(*spinning(32, 64))
+    poses = np.array([[0, 0, 1.0, 0, 0, 0, 1]] * 4)
+    motion = Motion.from_twist(poses, [[1, 0, 0], [400, 0, 0], [0, 0, 0], [2, 0, 0]], np.eye(4, 3) * [1, 1, 300])
+    assert remaining_views(wv.Renderer(scene, lidar), motion).tolist() == [False, True, True, False]
+    views, rays = (wv.render(scene, lidar, motion, outputs=IMAGES, caster=name) for name in ("auto", "rays"))
+    for view in (1, 2):
+        for image in IMAGES:
+            np.testing.assert_array_equal(getattr(views, image).numpy()[view], getattr(rays, image).numpy()[view])
+    assert not wrong_depth(views.depth.numpy(), rays.depth.numpy().astype(np.float64)).any()
+
+
+def test_packets_of_moving_sensors_do_not_depend_on_threads_or_batches():
+    rng, scene = np.random.default_rng(2), wv.scenes.PRESETS["room"].build()
+    lidar, motion = wv.sensors.lidars.vlp16(), twist(rng, 3)
+    whole = wv.render(scene, lidar, motion, outputs=IMAGES, threads=1)
+    assert_bits_equal(wv.render(scene, lidar, motion, outputs=IMAGES, threads=2), whole)
+    caster = wv.Renderer(scene, lidar, outputs=ALL)._moving_caster()
+    views = caster.parse(motion, None, None, None, None, None)
+    some = wv.rendering.views_for(ALL, (2, *lidar.shape), scene.device)
+    caster.cast(views.part(slice(1, 3)), {image: getattr(some, image) for image in ALL})
+    for image in ALL:
+        np.testing.assert_array_equal(getattr(some, image).numpy(), getattr(whole, image).numpy()[1:3])

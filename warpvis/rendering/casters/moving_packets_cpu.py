@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Packets of rays from sensors that move within a frame, on CPU cores."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpvis.cameras.base import AnyCamera
+from warpvis.kernels.constants import CPU_LANES
+from warpvis.rendering.casters.base import ImagesByName, ViewBatch
+from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
+from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, component, prepare_rays
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.motions import Motion as MotionStruct
+    from warpvis.kernels.casting.moving_ray_packets import MovingRays
+    from warpvis.kernels.casting.packets import BvhScene
+    from warpvis.kernels.casting.ray_bundle_packets import TableJob
+
+_GROUP_RAYS = CPU_LANES**3
+
+
+@dataclass(frozen=True)
+class MovingSensor:
+    """The motion of a sensor and, after a cast, the views that packets could not cast."""
+
+    motion: MotionStruct
+    left: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        """Return the number of views."""
+        return len(self.left)
+
+
+@dataclass(frozen=True)
+class PreparedMovingRays:
+    """Rays of a sensor with times, prepared for packets."""
+
+    rays: PreparedRays
+    struct: MovingRays
+
+
+class MovingPackets(CpuCaster):
+    """Casts rays in packets whose rays start at about the same time, and are thus close to each other."""
+
+    _camera: AnyCamera
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
+        return {name: value for name, value in self.__dict__.items() if name != "_rays"}
+
+    def takes(self, views: ViewBatch) -> bool:
+        """Return whether packets can cast the rays of these views.
+
+        They cannot if objects move, or if each ray has an individual pose; and, as for other rays with distinct
+        origins, if the scene has movable analytic solids, worlds scale objects, or near surfaces are cut away.
+        """
+        if views.poses.objects is not None or views.poses.sensor.poses:
+            return False
+        clips = self._options.clip_near and self._camera.near > 0
+        return not (clips or views.worlds.object_sizes or self._scene.bvh().has_solids)
+
+    def cast_motion(self, motion: MotionStruct, views: ViewBatch, images: ImagesByName) -> NDArray[np.bool_]:
+        """Write images of views whose sensor moves; return which views remain, because they move too far."""
+        sensor, bundles = MovingSensor(motion, np.zeros(views.count, dtype=np.int32)), len(self._rays.rays.longest)
+        if not bundles:  # no pixel has a ray
+            return np.ones(views.count, dtype=np.bool_)
+        rays = views.count * self._camera.width * self._camera.height
+        make = partial(self._make_workspace, views.count)
+        self._run("moving", ViewBatch(sensor, views.worlds), images, rays, views.count * bundles, make)
+        return sensor.left != 0
+
+    @cached_property
+    def _rays(self) -> PreparedMovingRays:
+        return self._camera.prepared("moving packets", lambda: prepare_moving_rays(self._camera))
+
+    def _make_workspace(self, views: int, scene: BvhScene, workers: int) -> Workspace:
+        from warpvis.kernels.casting.moving_ray_packets import MovingCall, cast_moving_ray_packets
+
+        call = MovingCall()
+        call.rays, call.moving, call.job = self._rays.rays.struct, self._rays.struct, self._make_job()
+        call.moving.left = wp.zeros(views, dtype=wp.int32, device="cpu")
+        return MovingWorkspace(scene, cast_moving_ray_packets, (call, MovingCall), views, workers)
+
+    def _make_job(self) -> TableJob:
+        from warpvis.kernels.casting.ray_bundle_packets import TableJob
+        from warpvis.kernels.pinhole import PinholeCamera
+
+        camera, job, table = self._camera, TableJob(), PinholeCamera()
+        table.height, table.width, table.near, table.far = camera.height, camera.width, camera.near, camera.far
+        table.clip_inv_z = math.inf
+        job.camera = table
+        job.cull_backfaces = int(self._options.cull_backfaces)
+        return job
+
+
+class MovingWorkspace(Workspace):
+    """A packed launch for sensors that move."""
+
+    def _write_poses(self, poses: MovingSensor) -> None:
+        motion: Any = poses.motion
+        self._memory.sensor = motion.__ctype__()
+        self._memory.moving.left.data = poses.left.ctypes.data
+
+
+def prepare_moving_rays(camera: AnyCamera) -> PreparedMovingRays:
+    """Prepare the rays of a camera with times."""
+    from warpvis.kernels.casting.moving_ray_packets import MovingRays
+
+    shape, times, origins = (camera.height, camera.width), camera.times, camera.origins
+    assert times is not None  # checked where the motion is parsed
+    times = times.reshape(shape)
+    prepared, struct = prepare_rays(camera.rays.reshape(*shape, 3), times), MovingRays()
+    place, bundles = prepared.struct.place.numpy(), prepared.struct.bundle.numpy()
+    directions, moments, middles = np.zeros((3, len(place))), np.zeros(len(place)), np.zeros(len(bundles))
+    for number, (group, num_groups, *axes) in enumerate(bundles[:, :5].tolist()):
+        slots = slice(group * _GROUP_RAYS, (group + num_groups) * _GROUP_RAYS)
+        pixel = place[slots]
+        of_rays = times.ravel()[pixel[pixel >= 0]]
+        middles[number] = (of_rays.min() + of_rays.max()) / 2
+        moments[slots] = np.where(pixel >= 0, times.ravel()[pixel], middles[number])
+        # Lanes without a ray point forward, so that no number is infinite.
+        forward = [component(np.eye(3), axes[2])] * len(pixel)
+        directions[:, slots] = np.where(pixel >= 0, camera.rays.reshape(-1, 3)[pixel].T, np.transpose(forward))
+    arrays = {"directions": directions, "times": moments, "middles": middles}
+    if origins is not None:
+        arrays["origins"] = np.where(place >= 0, origins.reshape(-1, 3)[place].T, 0.0)
+    for name, array in arrays.items():
+        setattr(struct, name, wp.array(array, dtype=wp.float64, device="cpu"))
+    return PreparedMovingRays(prepared, struct)
