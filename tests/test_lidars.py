@@ -276,6 +276,41 @@ def test_nominal_ouster_beams_are_even_in_groups_of_four(name):
     assert (np.abs(left - np.tile(left[:4], 32)) < 1e-9).all() and left[0] < 0 < left[3]
 
 
+# Highest and lowest elevation, and azimuths of the middle beams, to the right [deg], of sensors whose metadata is in
+# tests/metadata and tests/pcaps of ouster-sdk at 46b7bcee. An OS0's azimuths grow toward its outer beams.
+UNIFORM = {
+    "OS0-32": (43.9, -46.2, None),
+    "OS1-32": (20.55, -21.48, (-4.25, -4.25)),
+    "OS2-32": (10.87, -10.48, (-2.09, -2.07)),
+    "OS1-64-U": (21.45, -20.92, (-4.22, 1.39)),
+}
+
+
+@pytest.mark.parametrize("model", UNIFORM)
+def test_uniform_ouster_beams_are_near_those_of_sensors(model):
+    rays = lidars.ouster(model, "512x10")
+    _, elevation = angles(rays)
+    highest, lowest, azimuth = UNIFORM[model]
+    count = int(model[4:6])
+    assert elevation.shape == (count, 512)
+    np.testing.assert_allclose(elevation[[0, -1], 0], [highest, lowest], atol=0.5)
+    middle = rays.directions[count // 2 - 1 : count // 2 + 1, 256]
+    if azimuth is not None:
+        np.testing.assert_allclose(np.degrees(np.arctan2(-middle[:, 1], middle[:, 0])), azimuth, atol=0.1)
+
+
+@pytest.mark.parametrize("line", ["OS0", "OS1", "OS2"])
+def test_uniform_ouster_beams_are_some_of_128(line):
+    whole = lidars.ouster(f"{line}-128", "512x10")
+    half = lidars.ouster("os-1-64-u" if line == "OS1" else f"{line}-64", "512x10")
+    quarter = lidars.ouster(f"{line}-32", "512x10")
+    for rays, rows in ((half, slice(1, None, 2)), (quarter, slice(3, None, 4))):
+        np.testing.assert_array_equal(rays.directions, whole.directions[rows])
+        np.testing.assert_array_equal(rays.origins, whole.origins[rows])
+        assert (rays.rings[:, 0] == np.arange(len(rays.rings))).all()
+        assert rays.times.min() == 0 and rays.times.max() < 0.1
+
+
 LIVOX = np.array([[0.0, 0.1], [1.0, -0.2], [2.0, 0.3], [3.0, 0.0], [-1.0, 0.5]], dtype=np.float32)
 
 
@@ -408,7 +443,7 @@ BAD = {
         lambda p: lidars.vlp16(calibration=velodyne_file(p / "a.yaml", laser_id=3)),
         "laser_id of its lasers must be 0 to 15, each once",
     ),
-    "an unknown Ouster": (lambda p: lidars.ouster("OS1-32"), "or the metadata of a sensor, a JSON file, got 'OS1-32'"),
+    "an unknown Ouster": (lambda p: lidars.ouster("OS1-16"), "or the metadata of a sensor, a JSON file, got 'OS1-16'"),
     "an unknown mode": (lambda p: lidars.ouster("OS1-128", "1024x11"), 'mode must be "512x10", .* got .1024x11.'),
     "metadata of another kind": (
         lambda p: lidars.ouster(put(p / "a.json", {"width": 3})),

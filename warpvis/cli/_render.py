@@ -79,8 +79,8 @@ class Render(ImageOptions):
     default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, vls128, pandar64, xt32, qt128,
-    at128, bpearl, rplidar-a1 to -a3, os0-128, os1-128, os2-128, an Ouster metadata file (.json), or mid360:FILE and
-    other Livox models. Poses are of its frame: x forward, y left, z up."""
+    at128, bpearl, rplidar-a1 to -a3, os1-128, -64-u or -32 and others of Ouster, an Ouster metadata file (.json), or
+    mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
     moving: bool = False
     """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
     from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""

@@ -43,7 +43,14 @@ _OS1_64 = (
     16.611, 16.084, 15.557, 15.029, 14.502, 13.975, 13.447, 12.92, 12.393, 11.865, 11.338, 10.811, 10.283, 9.756, 9.229,
     8.701, 8.174, 7.646, 7.119, 6.592, 6.064, 5.537, 5.01, 4.482, 3.955, 3.428, 2.9, 2.373, 1.846, 1.318, 0.791, 0.264,
 )  # fmt: skip
-_MODELS = ("OS1-64", *_NOMINAL)
+
+# First beam and step of the beams of a uniform sensor with fewer beams, among the 128: those of OS-*-32-U sensors are
+# one column, and those of an OS1 with 64 beams two (metadata of ouster-sdk's tests). An OS0 and an OS2 with 64 beams
+# are assumed to be alike. "OS1-64" is the default of ouster-sdk, of the first generation.
+_UNIFORM = {"32": (3, 4), "64": (1, 2), "64-U": (1, 2), "128": (0, 1)}
+_MODELS = (
+    "OS0-128", "OS0-64", "OS0-32", "OS1-128", "OS1-64", "OS1-64-U", "OS1-32", "OS2-128", "OS2-64", "OS2-32",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -74,8 +81,9 @@ def ouster(
     sensor frame is rotated by 180 degrees about z, and lower. Source: ouster-sdk, ``xyzlut.cpp`` at 46b7bcee.
 
     Args:
-        sensor: The metadata of a sensor, a JSON file, of firmware 1.12 or later; or ``"OS0-128"``, ``"OS1-128"``,
-            ``"OS2-128"`` or ``"OS1-64"`` for nominal beams, from which every real sensor differs slightly.
+        sensor: The metadata of a sensor, a JSON file, of firmware 1.12 or later; or ``"OS1-128"``, ``"OS1-64-U"``,
+            ``"OS1-32"`` and so on, also of an OS0 and OS2, for nominal beams, evenly spaced, from which every real
+            sensor differs slightly. ``"OS1-64"`` has the beams of the first generation, 33 instead of 42 degrees.
         mode: Columns per revolution and revolutions per second, such as ``"1024x10"``; by default the mode in the file,
             or ``"1024x10"`` for a model.
         near: Minimum measured range [m].
@@ -127,8 +135,10 @@ def _nominal(name: str) -> _Beams:
         half = np.array(_OS1_64)
         altitude, azimuth = np.concatenate([half, -half[::-1]]), np.tile((3.164, 1.055, -1.055, -3.164), 16)
     else:
-        highest, columns = _NOMINAL[model]
-        altitude, azimuth = np.linspace(highest, -highest, 128), np.tile(columns, 32)
+        highest, columns = _NOMINAL[f"{model[:3]}-128"]
+        first, step = _UNIFORM[model[4:]]
+        altitude = np.linspace(highest, -highest, 128)[first::step]
+        azimuth = np.tile(columns, 32)[first::step]
     radius = _BEAM_RADIUS[f"OS-{model[2]}-"] / 1000
     height = _HEIGHT_OS2 if model.startswith("OS2") else _HEIGHT
     return _Beams(
