@@ -19,7 +19,47 @@ def lidar_cases(folder):
     met = wv.sensors.measure_incidence(scanned, laser, POSE)
     moves = wv.sensors.Motion([POSE, POSE], [0.0, 0.1])
     shutter = wv.sensors.RollingShutter(CAMERA, 0.03)
+    noise = wv.sensors.LidarNoise(sigma=0.01, dropout=0.1, detection_range=10.0)
+    returns = wv.sensors.gather_returns(scanned.depth, met, 1)
     return {
+        "LidarNoise": (
+            wv.sensors.LidarNoise,
+            {
+                "sigma": 0.01,
+                "sigma_growth": 0.001,
+                "weak_sigma": 0.01,
+                "resolution": 0.01,
+                "ring_sigma": 0.01,
+                "ring_offsets": [0.01, 0.0],
+                "dropout": 0.1,
+                "detection_range": 10.0,
+                "detection_reflectivity": 0.1,
+                "power_sigma": 0.1,
+                "reflectivity": {"box": 0.5},
+                "rain": 1.0,
+                "visibility": 50.0,
+                "false_returns": 0.1,
+                "false_range": 1.0,
+            },
+        ),
+        "LidarNoise.apply": (
+            noise.apply,
+            {
+                "returns": returns,
+                "rays": laser,
+                "falls_off": True,
+                "seed": 1,
+                "frame": 2,
+                "view_index": [3],
+                "out": None,
+            },
+        ),
+        "LidarNoise.depth_sigma": (noise.depth_sigma, {"depth": [1.0, 2.0], "camera": laser}),
+        "Rays.with_range": (laser.with_range, {"near": 0.2, "far": 3.0}),
+        "render of a lidar, sensor": (
+            wv.render,
+            {"scene": seen, "camera": laser, "camera_to_world": POSE, "sensor": noise, "seed": 1, "frame": 0},
+        ),
         "Livox.frame": (
             lidars.livox("mid360", folder / "mid360.npy").frame,
             {"index": 0, "rate": 10.0, "samples": 2, "near": 0.1, "far": 9.0},

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from reference_voxels import shown_depth
 
 from warpvis import Camera, Label
-from warpvis.cameras import LensCamera
+from warpvis.cameras import LensCamera, Rays
 from warpvis.core.poses import poses_to_matrices
 from warpvis.maps import Sphere
 
@@ -29,6 +29,14 @@ def back_project(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.fl
 
 def back_project_rays(camera: LensCamera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
     return back_project(camera, pose, depth)
+
+
+def back_project_bundle(rays: Rays, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:
+    """Return world points of rays with origins, (H, W, 3); NaN outside the range of the rays."""
+    matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))
+    inside = (depth > 0) & (depth >= rays.near) & (depth <= rays.far) & np.isfinite(depth)
+    local = rays.origins + rays.rays * np.where(inside, depth, np.nan).astype(np.float64)[..., None]
+    return local @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _points(camera: Camera, pose: NDArray, depth: NDArray) -> NDArray[np.float64]:

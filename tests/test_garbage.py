@@ -166,6 +166,8 @@ OURS = {
     "Corruptions.check",
     "Corruptions.measure",
     "KhoshelhamNoise.measure",
+    "LidarNoise.check",
+    "LidarNoise.measure",
     "NguyenNoise.measure",
     "RedwoodNoise.measure",
     "SimKinect.measure",

@@ -189,7 +189,7 @@ def test_invalid_parameters_are_rejected(model, arguments, message):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["kinect_noise", "corruptions", "simkinect", "redwood"])
+@pytest.mark.parametrize("name", ["kinect_noise", "corruptions", "simkinect", "redwood", "lidar_noise"])
 def test_gpu_code_has_no_fused_or_approximate_operations(tmp_path, name):
     """NVRTC's code contains neither fused single-precision multiply-adds nor approximate instructions."""
     body = gpu_code(f"warpvis.kernels.sensors.{name}", tmp_path)

@@ -171,6 +171,31 @@ def back_project_rays(
 
 
 @wp.kernel
+def back_project_bundle(
+    # Cameras:
+    camera: RayRange,
+    camera_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    origins_in: wp.array2d[wp.vec3d],
+    depth_in: wp.array3d[float],
+    # Out:
+    points_out: wp.array3d[wp.vec3],
+):
+    """Write world points as `back_project_rays` does, of rays with distinct origins in the camera frame."""
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+    depth = depth_in[view, y, x]
+    point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    if has_depth(depth, camera.near, camera.far):
+        pose = camera_to_world[view]
+        offset = origins_in[y, x] + wp.float64(depth) * rays_in[y, x]
+        point = wp.vec3(pose_origin(pose) + wp.quat_rotate(pose_rotation(pose), offset))
+    points_out[view, y, x] = point
+
+
+@wp.kernel
 def classify_depth(
     # Cameras:
     camera: PinholeCamera,

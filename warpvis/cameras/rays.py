@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -181,6 +182,14 @@ class Rays(RayCamera):
     def rays(self) -> NDArray[np.float64]:
         """Rays of depth 1, with the shape of `directions`, normalized in double precision: length 1, or z = 1."""
         return self._rays
+
+    def with_range(self, near: float, far: float) -> Rays:
+        """Return the same rays with another range of depth [m]; acceleration data of casters is shared."""
+        other = copy.copy(self)
+        other.near, other.far = near, far
+        check_range(other)
+        other.prepare_in(self._cache())
+        return other
 
     def __len__(self) -> int:
         """Return the number of rays."""

@@ -40,7 +40,11 @@ from warpvis.rendering._depth_sensor import (
 from warpvis.rendering._panorama import render_wide
 from warpvis.rendering._render import render as render
 from warpvis.rendering._renderer import Renderer as Renderer
-from warpvis.rendering._sensing import check_word as check_word, view_numbers as view_numbers
+from warpvis.rendering._sensing import (
+    check_word as check_word,
+    next_frame as next_frame,
+    view_numbers as view_numbers,
+)
 from warpvis.rendering._views import (
     Views as Views,
     as_views as as_views,

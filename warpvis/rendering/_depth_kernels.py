@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
+from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.image_cameras import ImageCamera
 from warpvis.core.threads import WHOLE_ROW, launch_images
 from warpvis.core.types import KernelArguments
@@ -23,9 +24,12 @@ _MIN_PIXELS, _MIN_LABELS = 2**17, 2**19
 
 
 def launch_back_project(
-    camera: ImageCamera, poses: wp.array, depth: wp.array, points: wp.array, threads: int | None
+    camera: AnyCamera, poses: wp.array, depth: wp.array, points: wp.array, threads: int | None
 ) -> None:
     """Write the world points of a camera's depth images."""
+    if camera.origins is not None:
+        _launch_bundle(camera, poses, depth, points, threads)
+        return
     if depth.device.is_cpu:
         from warpvis.kernels.maps.depth_rows import back_project_rows as kernel
     elif camera.ray_model == "table":
@@ -69,9 +73,21 @@ def launch_label_objects(
     _launch(kernel, depth, arguments, threads, _MIN_PIXELS)
 
 
+def _launch_bundle(camera: AnyCamera, poses: wp.array, depth: wp.array, points: wp.array, threads: int | None) -> None:
+    """Write the world points of rays with distinct origins."""
+    from warpvis.kernels.maps.classify import back_project_bundle
+
+    inputs = [rays_on_device(camera, depth.device), rays_on_device(camera, depth.device, "origins"), depth, points]
+
+    def arguments(window: Window) -> KernelArguments:
+        return [camera.device_struct(), poses, window, *inputs]
+
+    launch_images(back_project_bundle, depth.shape, arguments, device=depth.device, threads=threads)
+
+
 def _launch_camera(
     kernel: wp.Kernel,
-    camera: ImageCamera,
+    camera: AnyCamera,
     poses: wp.array,
     depth: wp.array,
     inputs: KernelArguments,

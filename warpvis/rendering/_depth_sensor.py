@@ -36,7 +36,7 @@ class Exposure:
     """The scene."""
     camera: Camera
     """The camera, with the depth range shared by it and the device. For models with `takes_lens`, it may be a
-    `LensCamera`, of which only `image_range` may be used."""
+    `LensCamera`, of which only `image_range` may be used; for models whose `check` accepts them, it is `Rays`."""
     clip_near: float
     """Distance within which surfaces are cut away [m]: the camera's near with ``near_plane="clip"``, otherwise 0."""
     poses: wp.array
@@ -52,7 +52,8 @@ class Exposure:
     threads: int
     """CPU threads to use."""
     true_depth: wp.array
-    """Planar depth of the first surface at any distance, ``(V, H, W)``; +inf without a surface."""
+    """Depth of the first surface at any distance, ``(V, H, W)``: planar, or that of the camera's `kind`; +inf without a
+    surface. Lists of rays are images of one row."""
     normals: wp.array | None
     """Unit normals of the first surface in the world frame, toward the camera, if the model needs them."""
     segmentation: wp.array | None

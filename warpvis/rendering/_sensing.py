@@ -16,6 +16,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera
+from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_numpy
 from warpvis.core.checks import check_whole, is_number
 from warpvis.core.types import ArrayInput
@@ -23,7 +24,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering._depth_kernels import launch_back_project
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
 from warpvis.rendering._views import pixel_type
-from warpvis.rendering.casters.base import Caster, CastOptions, ImagesByName, Scratch, ViewBatch
+from warpvis.rendering.casters.base import Caster, CastOptions, ImagesByName, Scratch, ViewBatch, as_image
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
@@ -53,7 +54,7 @@ class Sensing:
         self.camera = sensor.check(scene, camera)
         # The range applies to the measured depth; the exact depth includes nearer and farther surfaces.
         near = camera.near if options.clip_near else 0.0
-        self.clean_camera = dataclasses.replace(self.camera, near=near, far=math.inf)
+        self.clean_camera = _with_range(self.camera, near, math.inf)
         self._scene = scene
         self._seed = seed
         self._threads = options.threads
@@ -76,6 +77,7 @@ class Sensing:
         device = self._scene.device
         assert views.numbers is not None  # a renderer with a sensor always numbers its views
         needs, poses, words = self.sensor.needs, views.poses_on(device), views.numbers.astype(np.uint32)
+        images = {name: as_image(image) for name, image in images.items()}
         exposure = Exposure(
             scene=self._scene,
             camera=self.camera,
@@ -114,6 +116,11 @@ class Sensing:
         seen = {name: scratch.array(f"seen {name}", points.shape, pixel_type(name)) for name in names}
         caster.cast(ViewBatch(caster.parse_poses(poses, "opencv"), worlds, pixels=points), seen)
         return seen
+
+
+def _with_range(camera: Any, near: float, far: float) -> Any:
+    """Return a camera with another range of depth."""
+    return camera.with_range(near, far) if isinstance(camera, Rays) else dataclasses.replace(camera, near=near, far=far)
 
 
 def next_frame(seed: int) -> int:

@@ -79,7 +79,7 @@ class Views:
     reasons: wp.array = None
     """With a sensor: the reason why a pixel has no depth, `warpvis.sensors.Reason` values, ``(V, H, W)`` uint8."""
     true_depth: wp.array = None
-    """With a sensor: planar depth of the exact ray's hit [m], ``(V, H, W)`` float32; +inf where nothing is hit."""
+    """With a sensor: depth of the exact ray's hit [m], ``(V, H, W)`` float32; +inf where nothing is hit."""
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the images as host arrays, which support pickling and copying, unlike Warp's arrays."""

@@ -8,6 +8,7 @@ from warpvis.core.motion import Motion
 from warpvis.sensors import lidars
 from warpvis.sensors._clouds import deskew, point_clouds
 from warpvis.sensors._echoes import Returns, gather_returns, measure_incidence, reflect, spread_beams
+from warpvis.sensors._lidar_noise import LidarNoise
 from warpvis.sensors._rolling_shutter import RollingShutter
 from warpvis.sensors.depth import (
     Corruptions,
@@ -42,6 +43,7 @@ __all__ = [
     "Corruptions",
     "KhoshelhamNoise",
     "Latency",
+    "LidarNoise",
     "Motion",
     "NguyenNoise",
     "Randomized",

@@ -69,6 +69,10 @@ enum RandomStream {
     STREAM_DISPARITY = 1,
     STREAM_DROPOUT = 2,
     STREAM_RANGE = 3,
+    STREAM_POWER = 4,  // noise of received power
+    STREAM_FALSE_RETURN = 5,  // whether a lidar has a return from a drop
+    STREAM_FALSE_RANGE = 6,  // range of that return
+    STREAM_RINGS = 7,  // range error of a ring
     STREAM_ACROSS = 10,  // column offset of the surface that a pixel shows
     STREAM_DOWN = 11,  // row offset of that surface
     STREAM_DEPTH = 12,

@@ -1,0 +1,245 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Range errors, lost returns and false returns of lidars: `warpvis.sensors.LidarNoise`."""
+
+import warp as wp
+
+from warpvis.kernels.constants import (
+    REASON_DROPOUT,
+    REASON_EMPTY,
+    REASON_GRAZING,
+    REASON_VALID,
+    STREAM_DROPOUT,
+    STREAM_FALSE_RANGE,
+    STREAM_FALSE_RETURN,
+    STREAM_POWER,
+    STREAM_RANGE,
+    STREAM_RINGS,
+)
+from warpvis.kernels.native_source import pixel_options
+from warpvis.kernels.pinhole import Window, locate, pose_rotation
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs, limit_depth, range_reason, write_pixel
+from warpvis.kernels.sensors.random_numbers import random_word, to_normal, to_uniform
+
+wp.set_module_options(pixel_options("shared/noise.h", "shared/powers.h"))
+
+LN_2 = wp.constant(0.6931471805599453)
+
+
+@wp.struct
+class LidarModel:
+    """The parameters of `warpvis.sensors.LidarNoise`. Power is in units of a white surface's at 1 m."""
+
+    sigma: float  # [m]
+    sigma_growth: float
+    weak_sigma: float  # [m]
+    resolution: wp.float64  # [m]
+    ring_sigma: float  # [m]
+    ring_offsets: wp.array[float]  # [m]
+    rings: wp.array2d[wp.int32]  # of rays; None if rings have no errors
+    dropout: float
+    min_power: wp.float64  # 0 if power does not matter
+    power_sigma: float  # relative to min_power
+    attenuation: float  # exponent of 2 that power falls off with, both ways [1/m]
+    false_returns: float
+    false_range: float  # [m]
+
+
+@wp.struct
+class Echo:
+    """The light of a surface: its range [m], and power relative to the limit of detection, also if facing the beam."""
+
+    range: wp.float64
+    power: float
+    straight: float
+
+
+@wp.func_native("return warpvis::Powers<warpvis::OnePixel>::power_of_two(exponent);")
+def power_of_two(exponent: float) -> float: ...
+
+
+@wp.func_native("return warpvis::Powers<warpvis::OnePixel>::logarithm(number);")
+def logarithm(number: float) -> float: ...
+
+
+@wp.func
+def draw_word(inputs: SensorInputs, stream: int, view: int, y: int, x: int) -> wp.uint32:
+    draw = inputs.draws[view]
+    return random_word(inputs.seed, wp.uint32(stream), draw[0], draw[1], y, x)
+
+
+@wp.func
+def false_echo(model: LidarModel, inputs: SensorInputs, view: int, y: int, x: int) -> wp.float64:
+    """Return the range of a return from a drop of water; +inf without one."""
+    found = wp.float64(wp.inf)
+    if model.false_returns > 0.0:
+        if to_uniform(draw_word(inputs, STREAM_FALSE_RETURN, view, y, x)) < model.false_returns:
+            uniform = to_uniform(draw_word(inputs, STREAM_FALSE_RANGE, view, y, x))
+            found = wp.float64(-model.false_range * LN_2 * logarithm(uniform))
+    return found
+
+
+@wp.func
+def bright_echo(distance: wp.float64) -> Echo:
+    """Return an echo that is always detected unless it is lost at random."""
+    echo = Echo()
+    echo.range = distance
+    echo.power = wp.inf
+    echo.straight = wp.inf
+    return echo
+
+
+@wp.func
+def surface_echo(model: LidarModel, distance: wp.float64, reflectivity: wp.float64, cosine: wp.float64) -> Echo:
+    """Return the echo of a surface in fog or rain, by the lidar equation of a surface wider than the beam."""
+    echo = bright_echo(distance)
+    if model.min_power > wp.float64(0.0):
+        straight = float(reflectivity / (distance * distance) / model.min_power)
+        echo.straight = straight * power_of_two(-model.attenuation * float(distance))
+        echo.power = echo.straight * float(cosine)
+    return echo
+
+
+@wp.func
+def loss_of(model: LidarModel, inputs: SensorInputs, echo: Echo, view: int, y: int, x: int) -> int:
+    """Return why an echo is not detected; VALID if it is."""
+    if model.dropout > 0.0:
+        if to_uniform(draw_word(inputs, STREAM_DROPOUT, view, y, x)) < model.dropout:
+            return REASON_DROPOUT
+    noise = float(0.0)
+    if model.power_sigma > 0.0:
+        noise = model.power_sigma * to_normal(draw_word(inputs, STREAM_POWER, view, y, x))
+    if echo.power > 0.0 and echo.power + noise >= 1.0:
+        return REASON_VALID
+    if echo.straight > 0.0 and echo.straight + noise >= 1.0:
+        return REASON_GRAZING
+    return REASON_DROPOUT
+
+
+@wp.func
+def measured_range(
+    model: LidarModel, inputs: SensorInputs, echo: Echo, ring: int, view: int, y: int, x: int
+) -> wp.float64:
+    """Return the range of a detected echo with errors, rounded to the resolution [m]."""
+    found = echo.range
+    if ring >= 0:
+        if model.ring_offsets:
+            found += wp.float64(model.ring_offsets[ring])
+        if model.ring_sigma > 0.0:
+            zero = wp.uint32(0)
+            word = random_word(inputs.seed, wp.uint32(STREAM_RINGS), zero, zero, 0, ring)
+            found += wp.float64(model.ring_sigma * to_normal(word))
+    growth, weak = model.sigma_growth * float(echo.range), model.weak_sigma / echo.power
+    sigma = wp.sqrt(model.sigma * model.sigma + growth * growth + weak * weak)
+    if sigma > 0.0:
+        found += wp.float64(sigma * to_normal(draw_word(inputs, STREAM_RANGE, view, y, x)))
+    if model.resolution > wp.float64(0.0):
+        found = wp.floor(found / model.resolution + wp.float64(0.5)) * model.resolution
+    return found
+
+
+@wp.func
+def ring_of(model: LidarModel, y: int, x: int) -> int:
+    """Return the ring of a ray; -1 if rings have no errors."""
+    ring = int(-1)
+    if model.rings:
+        ring = model.rings[y, x]
+    return ring
+
+
+@wp.kernel
+def measure_lidar(
+    # Cameras:
+    rays_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    model: LidarModel,
+    inputs: SensorInputs,
+    # Out:
+    images_out: MeasuredImages,
+):
+    """Write the measured depth of every ray, and the reason for missing depth.
+
+    `rays_in` have depth 1, and only the depth range of `inputs.camera` is read.
+    """
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+
+    ray = rays_in[y, x]
+    length = wp.length(ray)
+    depth = inputs.true_depth[view, y, x]
+    echo = bright_echo(wp.float64(depth) * length)
+    drop = false_echo(model, inputs, view, y, x)
+    seen = limit_depth(inputs.camera, float(drop / length))
+    if drop < echo.range and seen == float(drop / length):
+        echo.range = drop
+    elif not wp.isfinite(depth):
+        write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
+        return
+    elif model.min_power > wp.float64(0.0):
+        reflectivity = wp.float64(1.0)
+        if inputs.segmentation:
+            reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
+        along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
+        cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
+        echo = surface_echo(model, echo.range, reflectivity, cosine)
+
+    reason = loss_of(model, inputs, echo, view, y, x)
+    measured = float(wp.nan)
+    if reason == REASON_VALID:
+        found = measured_range(model, inputs, echo, ring_of(model, y, x), view, y, x)
+        measured = limit_depth(inputs.camera, float(found / length))
+        reason = range_reason(measured)
+    write_pixel(images_out, view, y, x, measured, reason)
+
+
+@wp.kernel
+def measure_returns(
+    window: Window,
+    # In:
+    range_in: wp.array3d[float],
+    intensity_in: wp.array3d[float],
+    falls_off: bool,
+    model: LidarModel,
+    inputs: SensorInputs,
+    # Out:
+    range_out: wp.array3d[float],
+    intensity_out: wp.array3d[float],
+):
+    """Write measured ranges and intensities of returns, (V, returns x height, width); +inf and 0 for lost returns.
+
+    `falls_off`: Whether intensity has been divided by the squared range [1/m^2].
+    """
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+
+    row = y % int(inputs.camera.height)
+    distance = range_in[view, y, x]
+    intensity = float(intensity_in[view, y, x])
+    echo = bright_echo(wp.float64(distance))
+    drop = wp.float64(wp.inf)
+    if y == row:
+        drop = false_echo(model, inputs, view, y, x)
+    if drop < echo.range and limit_depth(inputs.camera, float(drop)) == float(drop):
+        echo.range = drop
+        weakest = model.min_power
+        if not falls_off:
+            weakest = weakest * drop * drop
+        intensity = float(weakest)
+    elif not wp.isfinite(distance):
+        range_out[view, y, x] = distance
+        intensity_out[view, y, x] = intensity
+        return
+    else:
+        reflectivity = wp.float64(intensity)
+        if falls_off:
+            reflectivity = reflectivity * echo.range * echo.range
+        echo = surface_echo(model, echo.range, reflectivity, wp.float64(1.0))
+
+    measured = float(wp.inf)
+    if loss_of(model, inputs, echo, view, y, x) == REASON_VALID:
+        found = measured_range(model, inputs, echo, ring_of(model, row, x), view, y, x)
+        measured = limit_depth(inputs.camera, float(found))
+    range_out[view, y, x] = measured
+    intensity_out[view, y, x] = wp.where(wp.isfinite(measured), intensity, 0.0)

@@ -1,0 +1,168 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Double-precision references of the kernels of `warpvis.kernels.sensors.lidar_noise`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from reference_kinect_noise import Said
+from reference_random import draw_normals, random_words, to_normal, to_uniform
+
+from warpvis.cameras import Rays
+from warpvis.core.poses import poses_to_matrices
+from warpvis.kernels.constants import (
+    STREAM_DROPOUT,
+    STREAM_FALSE_RANGE,
+    STREAM_FALSE_RETURN,
+    STREAM_POWER,
+    STREAM_RANGE,
+    STREAM_RINGS,
+)
+from warpvis.sensors import LidarNoise, Reason
+
+
+@dataclass
+class Draws:
+    """Random numbers of all pixels of views, (V, H, W)."""
+
+    draws: NDArray  # number and frame of each view
+    shape: tuple[int, int]
+    seed: int
+
+    def uniform(self, stream: int) -> NDArray[np.float64]:
+        return to_uniform(random_words(*np.asarray(self.draws).T, self.shape, self.seed, stream))
+
+    def normal(self, stream: int) -> NDArray[np.float64]:
+        return draw_normals(*np.asarray(self.draws).T, self.shape, self.seed, stream)
+
+
+def attenuation(model: LidarNoise) -> float:
+    """Return the extinction coefficient [1/m]: of rain by ITU-R P.1814, and of fog by Koschmieder."""
+    per_kilometer = 1.076 * model.rain**0.67  # dB
+    return math.log(10 ** (per_kilometer / 10)) / 1000 + math.log(1 / 0.02) / model.visibility
+
+
+def power(model: LidarNoise, distance: NDArray, reflectivity: NDArray, cosine: NDArray) -> NDArray[np.float64]:
+    """Return received power relative to the limit of detection."""
+    if math.isinf(model.detection_range):
+        return np.full(np.shape(distance), np.inf)
+    limit = model.detection_reflectivity / model.detection_range**2
+    return reflectivity * cosine / distance**2 * np.exp(-2 * attenuation(model) * distance) / limit
+
+
+def _drops(model: LidarNoise, draws: Draws, near: NDArray, far: NDArray, margins: list) -> NDArray[np.float64]:
+    """Return ranges of returns from drops, +inf without one."""
+    chance = draws.uniform(STREAM_FALSE_RETURN)
+    found = -model.false_range * np.log(draws.uniform(STREAM_FALSE_RANGE))
+    margins += [np.abs(chance - model.false_returns), np.abs(found - near), np.abs(found - far)]
+    return np.where((chance < model.false_returns) & (found >= near) & (found <= far), found, np.inf)
+
+
+def _losses(model: LidarNoise, draws: Draws, light: NDArray, straight: NDArray, margins: list) -> NDArray[np.int64]:
+    chance = draws.uniform(STREAM_DROPOUT)
+    noise = model.power_sigma * draws.normal(STREAM_POWER)
+    dark = np.where((straight > 0) & (straight + noise >= 1), Reason.GRAZING, Reason.DROPOUT)
+    lost = np.where((light > 0) & (light + noise >= 1), Reason.VALID, dark)
+    margins += [np.abs(chance - model.dropout), np.abs(light + noise - 1), np.abs(straight + noise - 1)]
+    return np.where(chance < model.dropout, Reason.DROPOUT, lost)
+
+
+def _ranges(
+    model: LidarNoise, rays: Rays, draws: Draws, distance: NDArray, light: NDArray, margins: list
+) -> NDArray[np.float64]:
+    """Return measured ranges."""
+    found = distance
+    if rays.rings is not None:
+        rings = rays.rings.reshape(rays.height, rays.width)
+        words = random_words([0], [0], (1, rings.max() + 1), draws.seed, STREAM_RINGS)[0, 0]
+        offsets = model.ring_sigma * to_normal(words) + (0.0 if model.ring_offsets is None else model.ring_offsets)
+        found = found + offsets[rings]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sigma = np.sqrt(model.sigma**2 + (model.sigma_growth * distance) ** 2 + (model.weak_sigma / light) ** 2)
+        found = found + sigma * draws.normal(STREAM_RANGE)
+        if model.resolution:
+            steps = found / model.resolution
+            margins.append(np.abs(steps - np.floor(steps) - 0.5))
+            found = np.round(steps) * model.resolution
+    return found
+
+
+def _report(found: NDArray, near: NDArray, far: NDArray, margins: list) -> NDArray[np.float64]:
+    margins += [np.abs(found - near), np.abs(found - far)]
+    return np.where(found > far, np.inf, np.where((found < near) | ~(found > 0), -np.inf, found))
+
+
+@np.errstate(invalid="ignore", divide="ignore")
+def measure_lidar(
+    model: LidarNoise,
+    rays: Rays,
+    poses: NDArray,
+    clean: dict[str, NDArray],
+    reflectivity: NDArray,
+    draws: NDArray,
+    seed: int,
+) -> Said:
+    """Return the measurement of exact images `true_depth`, `normals` and `segmentation`, (V, H, W)."""
+    along = rays.rays.reshape(rays.height, rays.width, 3)
+    length = np.linalg.norm(along, axis=-1)
+    near, far = rays.near * length, rays.far * length
+    distance = clean["true_depth"].astype(np.float64) * length
+    numbers, margins = Draws(draws, distance.shape[1:], seed), []
+    world = np.einsum("vij,yxj->vyxi", poses_to_matrices(poses)[:, :3, :3], along / length[..., None])
+    cosine = np.abs((world * clean["normals"]).sum(axis=-1))
+    shares = np.asarray(reflectivity, dtype=np.float64)[clean["segmentation"]]
+    drops = _drops(model, numbers, near, far, margins)
+    is_drop, no_surface = drops < distance, np.isinf(distance) & ~(drops < distance)
+    margins.append(np.abs(drops - distance))
+    light = np.where(is_drop, np.inf, power(model, distance, shares, cosine))
+    straight = np.where(is_drop, np.inf, power(model, distance, shares, np.ones_like(cosine)))
+    lost = _losses(model, numbers, light, straight, margins)
+    found = _ranges(model, rays, numbers, np.where(is_drop, drops, distance), light, margins)
+    depth = np.where(lost == Reason.VALID, _report(found, near, far, margins) / length, np.nan)
+    reasons = np.where(np.isinf(depth), Reason.RANGE, lost)
+    margin = np.min([np.where(np.isnan(part), np.inf, part) for part in margins], axis=0)
+    return Said(np.where(no_surface, np.inf, depth), np.where(no_surface, Reason.EMPTY, reasons), margin)
+
+
+@np.errstate(invalid="ignore", divide="ignore")
+def measure_returns(
+    model: LidarNoise,
+    rays: Rays,
+    ranges: NDArray,
+    intensities: NDArray,
+    draws: NDArray,
+    seed: int,
+    *,
+    falls_off: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return measured ranges and intensities of returns (V, R, H, W), and the margin of the nearest decision."""
+    views, count, height, width = ranges.shape
+    numbers, margins = Draws(draws, (count * height, width), seed), []
+    rows = np.tile(rays.rings.reshape(height, width), (count, 1))
+    tall = Rays(np.tile(rays.directions.reshape(height, width, 3), (count, 1, 1)), rings=rows)
+    distance = ranges.astype(np.float64).reshape(views, count * height, width)
+    given = intensities.astype(np.float64).reshape(distance.shape)
+    near, far = np.asarray(rays.near), np.asarray(rays.far)
+    drops = _drops(model, numbers, near, far, margins)
+    drops[:, height:] = np.inf
+    is_drop = drops < distance
+    margins.append(np.abs(drops - distance))
+    limit = model.detection_reflectivity / model.detection_range**2
+    weakest = limit * np.ones_like(drops) if falls_off else limit * drops**2
+    given = np.where(is_drop, weakest, given)
+    shares = given * distance**2 if falls_off else given
+    light = np.where(is_drop, np.inf, power(model, distance, shares, np.ones_like(shares)))
+    lost = _losses(model, numbers, light, light, margins)
+    found = _ranges(model, tall, numbers, np.where(is_drop, drops, distance), light, margins)
+    measured = np.where(lost == Reason.VALID, _report(found, near, far, margins), np.inf)
+    nothing = np.isinf(distance) & ~is_drop
+    margin = np.min([np.where(np.isnan(part), np.inf, part) for part in margins], axis=0)
+    return (
+        np.where(nothing, distance, measured).reshape(ranges.shape),
+        np.where(nothing, given, np.where(np.isfinite(measured), given, 0.0)).reshape(ranges.shape),
+        margin.reshape(ranges.shape),
+    )
