@@ -140,6 +140,15 @@ def _real_cameras(folder):
     return {"raw": raw, "K": camera.to_K(pixel_center=0.0)}
 
 
+def _calibration_files(folder):
+    from support.calibration_files import FISHEYE, RADTAN, F, kalibr
+
+    text = kalibr("pinhole", F, "radtan", RADTAN) + kalibr("pinhole", F, "equidistant", FISHEYE, "cam1")
+    (folder / "camchain.yaml").write_text(text)
+    _room().export(folder / "room.glb")
+    return {"scene": _room(), "camera_to_world": _poses()}
+
+
 def _tabletop():
     """Return a table with a screen and a mug, a robot and a person."""
     scene = wv.Scene()

@@ -208,6 +208,16 @@ def lenses(root: Path) -> Iterator[Item]:
     yield "cameras with lenses", {place.name: text}, (), reader(place.name)
 
 
+def calibrations(root: Path) -> Iterator[Item]:
+    """Yield the calibration files of all tools."""
+    from support.calibration_files import CASES
+
+    for case in CASES.values():
+        text = case.content if isinstance(case.content, str) else json.dumps(case.content)
+        name = f"{case.file}:{case.name}" if case.name else case.file
+        yield f"calibration files, {case.tool}", {case.file: text}, (), _read_camera(name)
+
+
 def sensors(root: Path) -> Iterator[Item]:
     """Yield files of depth-camera models: distortion tables and manifest fields."""
     from reference_redwood import make_table, write_table
@@ -401,4 +411,17 @@ def _repairer(kind: str, options: dict[str, str], more: dict[str, object]) -> Ca
     return read
 
 
-MAKERS = (poses, bags, cameras, lenses, scanners, sensors, points, depth_images, occupancy_maps, recordings, datasets)
+MAKERS = (
+    poses,
+    bags,
+    cameras,
+    lenses,
+    calibrations,
+    scanners,
+    sensors,
+    points,
+    depth_images,
+    occupancy_maps,
+    recordings,
+    datasets,
+)

@@ -57,12 +57,14 @@ def test_cameras_of_other_systems(tmp_path):
 
 
 def test_ros_calibration_describes_the_rectified_image(tmp_path):
+    """Without distortion, it is `P`; without `P`, it is `K` with a warning."""
     pytest.importorskip("ruamel.yaml")
     text = ROS_YAML.replace("[0, 0, 0, 0, 0]", "[0.1, 0, 0, 0, 0]")
-    with pytest.raises(FileFormatError, match=r"eye\.yaml: .*distortion"):
-        load_camera(put(tmp_path / "eye.yaml", text))
+    with pytest.warns(IntrinsicsWarning, match=r"eye\.yaml: the lens has distortion, which is not rendered"):
+        same(load_camera(put(tmp_path / "eye.yaml", text), distortion=False))
     text += "projection_matrix: {rows: 3, cols: 4, data: [50, 0, 30, 0, 0, 51, 20, 0, 0, 0, 1, 0]}\n"
-    same(load_camera(put(tmp_path / "eye.yaml", text)), wv.Camera(64, 48, 50, 51, 30.5, 20.5))
+    same(load_camera(put(tmp_path / "eye.yaml", text), distortion=False), wv.Camera(64, 48, 50, 51, 30.5, 20.5))
+    assert load_camera(tmp_path / "eye.yaml").lens.coefficients[0] == 0.1
 
 
 def test_cameras_are_selected_by_name(tmp_path):
@@ -78,7 +80,7 @@ def test_cameras_are_selected_by_name(tmp_path):
 @pytest.mark.parametrize("lens", [{"k1": 0.1}, {"p2": -0.01}])
 def test_ignored_distortion_warns(tmp_path, lens):
     with pytest.warns(IntrinsicsWarning, match=r"transforms\.json: the lens has distortion, which is not rendered"):
-        same(load_camera(put(tmp_path / "transforms.json", {**NERF, **lens})))
+        same(load_camera(put(tmp_path / "transforms.json", {**NERF, **lens}), distortion=False))
 
 
 def test_pose_files_provide_their_camera(tmp_path):
@@ -134,8 +136,11 @@ def test_colmap_with_lenses_and_several_cameras(tmp_path):
     two = "7 SIMPLE_RADIAL 64 48 60 31.3 25.1 0.05\n8 PINHOLE 32 24 30 30 16 12"
     with pytest.warns(IntrinsicsWarning, match=r"cameras\.txt:2: the lens has distortion"):
         same(read_frames(colmap_text(tmp_path / "a", two)).camera, wv.Camera(64, 48, 60, 60, 31.3, 25.1))
-    with pytest.warns(IntrinsicsWarning, match="different cameras"), pytest.raises(FileFormatError, match="no camera"):
+    with pytest.raises(FileFormatError, match=r"have different cameras, such as .*; choose one as .*cameras\.txt:7"):
         load_camera(tmp_path / "a" / "cameras.txt")
+    same(load_camera(f"{tmp_path}/a/cameras.txt:8"), wv.Camera(32, 24, 30, 30, 16, 12))
+    with pytest.raises(FileFormatError, match=r"cameras\.txt: has no camera '9'; it has 7, 8"):
+        load_camera(f"{tmp_path}/a/cameras.txt:9")
     for text, message in (
         ("7 PINHOLE 64 48 60 58", "parameters of PINHOLE must be 4 numbers, got 2"),
         ("7 PINHOLE wide", "expected CAMERA_ID MODEL WIDTH HEIGHT"),
@@ -170,7 +175,7 @@ def test_poses_of_unsupported_lenses_are_read_without_camera(kind, tmp_path):
     np.testing.assert_allclose(poses_to_matrices(frames.camera_to_world), MATRICES, atol=1e-12)
     assert frames.camera is None
     with pytest.raises(FileFormatError, match="is not a pinhole"):
-        load_camera(tmp_path / name)
+        load_camera(tmp_path / name, distortion=False)
 
 
 def test_bags_provide_their_camera(tmp_path):
@@ -223,7 +228,8 @@ def test_command_line_uses_the_camera_of_the_poses(tmp_path, monkeypatch, capsys
 
 BAD = {
     "fisheye": (lambda p: put(p / "t.json", NERF | {"camera_model": "OPENCV_FISHEYE"}), "is not a pinhole"),
-    "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "holds no camera of all images"),
+    "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "but not the image size, w and h .px., and"),
+    "no focal length": (lambda p: put(p / "t.json", {"w": 64, "frames": []}), r"defines no focal length: fl_x \[px\]"),
     "words": (lambda p: put(p / "t.json", NERF | {"fl_x": "long"}), r"t\.json: fl_x must be"),
     "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "fx of a lens must be a number above 0, got -60"),
     "half a pixel": (lambda p: put(p / "t.json", NERF | {"w": 64.5}), "width must be a whole number of pixels"),
@@ -245,7 +251,7 @@ def test_invalid_camera_files_raise(name, tmp_path):
         path.write_bytes(path.read_bytes()[:30])
         message = "is truncated, or not a COLMAP file"
     with pytest.raises(wv.WarpvisError, match=message):
-        load_camera(path)
+        load_camera(path, distortion=False)
 
 
 def test_mutated_files_are_read_or_raise(tmp_path):
@@ -329,7 +335,7 @@ def test_instant_ngp_fisheye(tmp_path, place):
         np.testing.assert_allclose(camera.project([point])[0], fisheye_pixel(point, NGP_FISHEYE), atol=1e-9)
     assert read_frames(path, distortion=True).camera == camera
     with pytest.raises(FileFormatError, match=r'camera_model "OPENCV_FISHEYE" is not a pinhole'):
-        load_camera(path)
+        load_camera(path, distortion=False)
     with pytest.warns(IntrinsicsWarning, match="the frames have no camera"):
         assert read_frames(path).camera is None
 
@@ -356,7 +362,7 @@ def test_nerfstudio_distortion_params(tmp_path):
     each = dict(zip(("k1", "k2", "k3", "k4", "p1", "p2"), given["distortion_params"], strict=True))
     assert load_camera(path, distortion=True) == wv.Camera.from_nerfstudio(NERF | each)
     with pytest.warns(IntrinsicsWarning, match="the lens has distortion"):
-        same(load_camera(path))
+        same(load_camera(path, distortion=False))
 
 
 def test_instant_ngp_fields_of_view(tmp_path):

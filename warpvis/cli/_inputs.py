@@ -125,8 +125,9 @@ class ViewpointOptions(SceneOptions):
 
     camera: Annotated[str | None, tyro.conf.arg(metavar="kinect|FILE")] = None
     """kinect, or a file: JSON with width, height, hfov (radians) or K, near and far (meters); transforms.json, BOP's
-    camera.json, COLMAP's cameras.txt or .bin, YAML of ROS, Kalibr or OpenCV, with the lens if it has one. By default
-    the camera in the pose file, else kinect."""
+    camera.json, COLMAP's cameras.txt or .bin, or a calibration of OpenCV, ROS, Kalibr, camodocal, ORB-SLAM, Basalt,
+    OCamCalib, RealSense or NVIDIA, with the lens if it has one; FILE:NAME if it has several cameras. By default the
+    camera in the pose file, else kinect."""
     distortion: bool = True
     """Render with the camera's lens distortion; if disabled, as a pinhole with the same intrinsics (for ROS, those of
     the rectified images)."""

@@ -62,8 +62,8 @@ def as_numbers(value: Json, shape: tuple[int, ...], location: str) -> NDArray[np
             numbers = np.array([np.inf])
         if np.isfinite(numbers).all():
             return numbers.reshape(shape)
-    size = " x ".join(map(str, shape))
-    raise FileFormatError(f"{location} must be {size} finite numbers, got {shorten(value)}")
+    expected = f"{' x '.join(map(str, shape))} finite numbers" if shape else "a finite number"
+    raise FileFormatError(f"{location} must be {expected}, got {shorten(value)}")
 
 
 def shorten(value: Json) -> str:

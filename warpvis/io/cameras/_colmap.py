@@ -18,7 +18,7 @@ from warpvis.cameras.lenses import COLMAP_NUMBERS, COLMAP_PINHOLES, colmap_count
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._files import read_lines
-from warpvis.io.cameras._making import NoPinholeError, make_camera, one_camera
+from warpvis.io.cameras._making import NoPinholeError, choose, make_camera, one_camera
 
 
 class ColmapImage(NamedTuple):
@@ -31,20 +31,25 @@ class ColmapImage(NamedTuple):
     translation: tuple[float, ...]
 
 
-def colmap_camera(path: Path, used: set[int] | None = None, *, distortion: bool) -> ImageCamera | None:
-    """Read the camera of ``cameras.txt`` or ``cameras.bin``; None, with a warning, if there are several.
+def colmap_camera(path: Path, name: str = "", used: set[int] | None = None, *, distortion: bool) -> ImageCamera | None:
+    """Read the camera of ``cameras.txt`` or ``cameras.bin``.
 
     Args:
         path: The file.
-        used: Ids of the cameras to consider; all by default.
+        name: Id of the camera, which is required if there are several.
+        used: Ids of the cameras of images, which share a camera; if they do not, warn and return None.
         distortion: See `make_camera`.
     """
-    listed = list(_binary_rows(path) if path.suffix == ".bin" else _text_rows(path))
-    chosen = [row for row in listed if used is None or row.number in used]
+    rows = list(_binary_rows(path) if path.suffix == ".bin" else _text_rows(path))
+    chosen = [row for row in rows if used is None or row.number in used]
     if not chosen:
-        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if listed else ""))
+        raise FileFormatError(f"{path}: holds no camera" + (" of the images" if rows else ""))
+    if name:
+        choose(path, [str(row.number) for row in rows], name)
+        chosen = [row for row in rows if str(row.number) == name]
     kinds = {(row.model, row.size, tuple(row.parameters)): row for row in chosen}
-    return one_camera((_make(row, distortion) for row in kinds.values()), str(path))
+    example = "" if used is not None else str(rows[0].number)
+    return one_camera((_make(row, distortion) for row in kinds.values()), str(path), example)
 
 
 def _make(row: _Row, distortion: bool) -> ImageCamera:

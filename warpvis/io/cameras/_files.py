@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, overload
@@ -15,15 +16,33 @@ from warpvis.cameras import ImageCamera, camera_from_dict
 from warpvis.cameras.lenses import lens_from_opencv
 from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import as_path, check_flag, describe_exception, truncate
-from warpvis.core.file_content import read_json, require_content
+from warpvis.core.file_content import is_file, load_yaml, read_json, require_content
 from warpvis.core.types import Json
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.io._files import read_lines
 from warpvis.io.cameras._colmap import colmap_camera
-from warpvis.io.cameras._json import bop_camera, bop_images_camera, is_bop, is_nerfstudio, nerfstudio_camera
-from warpvis.io.cameras._making import NoPinholeError, image_size, make_camera
-from warpvis.io.cameras._opencv import is_opencv, opencv_camera, xml_camera
-from warpvis.io.cameras._yaml import yaml_camera
+from warpvis.io.cameras._devices import is_ocam, is_realsense, is_rig, ocam_camera, realsense_camera, rig_camera
+from warpvis.io.cameras._json import (
+    bop_camera,
+    bop_images_camera,
+    is_bop,
+    is_bop_images,
+    is_nerfstudio,
+    nerfstudio_camera,
+)
+from warpvis.io.cameras._kalibr import is_kalibr, kalibr_camera
+from warpvis.io.cameras._making import NoPinholeError, image_size, make_camera, only_camera
+from warpvis.io.cameras._models import (
+    basalt_camera,
+    camodocal_camera,
+    is_basalt,
+    is_camodocal,
+    is_orb_slam,
+    orb_slam_camera,
+)
+from warpvis.io.cameras._opencv import is_opencv, opencv_camera, read_xml
+
+_YAML = (".yaml", ".yml")
 
 _COMMON = {"width", "height", "near", "far"}
 _FROM_K = _COMMON | {"K", "pixel_center"}
@@ -35,37 +54,36 @@ _TUM_IMAGES = ("depth.txt", "rgb.txt", "associated.txt")
 
 
 @overload
-def load_camera(name_or_path: str, *, distortion: Literal[False] = False) -> Camera: ...
+def load_camera(name_or_path: str, *, distortion: Literal[False]) -> Camera: ...
 
 
 @overload
-def load_camera(name_or_path: str, *, distortion: bool) -> ImageCamera: ...
+def load_camera(name_or_path: str, *, distortion: bool = True) -> ImageCamera: ...
 
 
-def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
+def load_camera(name_or_path: str, *, distortion: bool = True) -> ImageCamera:
     """Return the camera ``kinect``, or read one from a file.
 
     - warpvis JSON: ``width``, ``height`` [px], optionally ``near``, ``far`` [m], and either ``hfov`` or ``vfov``
       [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
-      `Camera.from_K`. With `distortion` it may have a ``lens``, as written by ``render_batch``.
-    - ``transforms.json`` of nerfstudio and instant-ngp; BOP's ``camera.json`` and ``scene_camera.json``.
-    - COLMAP's ``cameras.txt`` and ``cameras.bin`` with a single camera.
-    - ``calibration.txt`` next to the images of TUM's layout: ``fx fy cx cy``, and ``k1 k2 p1 p2 k3`` of a lens.
-    - YAML of ROS's camera_calibration, and Kalibr's camchain (``camchain.yaml:cam1``).
-    - JSON and XML of OpenCV's calibration, and with `distortion`, its YAML, too.
-    - ``intrinsics.yml`` of OpenCV's sample of stereo calibration: ``intrinsics.yml:M1`` or ``:M2``.
+      `Camera.from_K`; or a ``lens``, as written by ``render_batch``.
+    - Calibrations of OpenCV, ROS, Kalibr, camodocal (VINS-Fusion), ORB-SLAM, Basalt, OCamCalib, RealSense cameras and
+      NVIDIA's rigs; cameras of COLMAP, nerfstudio, instant-ngp, Blender's NeRF sets, BOP and TUM. The table in
+      ``docs/sensors/calibration_files.md`` lists their files, models and limits.
 
-    Other systems' cameras have no range: `near` is 0 and `far` infinite; use `dataclasses.replace` to set them.
+    If a file has several cameras, a colon and a name select one: ``camchain.yaml:cam1``, ``cameras.txt:7`` (the id),
+    ``transforms.json:images/0001.png`` (the frame). Other systems' cameras have no range: `near` is 0 and `far`
+    infinite; use `dataclasses.replace` to set them.
 
     Args:
         name_or_path: ``"kinect"``, or a file.
         distortion: Whether to read the lens: the result is a `warpvis.cameras.LensCamera` if it has distortion, with
             any model of the format. For ROS's calibration, the result is then the camera of the raw images (`K` and
-            `D`), otherwise that of the rectified images (`P`). By default the camera is a pinhole, and a warning is
+            `D`), otherwise that of the rectified images (`P`). If False, the camera is a pinhole, and a warning is
             issued if the file has distortion, which is not rendered.
 
     Raises:
-        FileFormatError: If the file does not exist, or contains no camera, or several.
+        FileFormatError: If the file does not exist, or contains no camera, or several and no name is given.
         CameraError: If a warpvis JSON file does not describe a camera.
     """
     if isinstance(name_or_path, str) and name_or_path == "kinect":
@@ -76,43 +94,61 @@ def load_camera(name_or_path: str, *, distortion: bool = False) -> ImageCamera:
     require_content(path, "a camera file", images=False)
     camera = _read(path, name, check_flag(distortion, "distortion", CameraError))
     if camera is None:
-        raise FileFormatError(f"{path}: holds no camera of all images")
+        raise FileFormatError(f"{path}: holds no camera")
     return camera
 
 
 def _split_name(path: Path) -> tuple[Path, str]:
-    """Split ``camchain.yaml:cam1``."""
-    stem, _, name = path.name.rpartition(":")
-    if stem and not path.exists():
-        return path.with_name(stem), name
-    return path, ""
+    """Split ``camchain.yaml:cam1`` after the first part that is a file; names may contain colons and slashes."""
+    text = str(path)
+    ends = [match.start() for match in re.finditer(":", text)]
+    file_end = next((end for end in ends if is_file(Path(text[:end]))), ends[-1] if ends else 0)
+    if is_file(path) or not file_end:
+        return path, ""
+    return Path(text[:file_end]), text[file_end + 1 :]
+
+
+_Reader = Callable[..., ImageCamera | None]
+
+_FORMATS: tuple[tuple[Callable[[Mapping[str, Any]], bool], _Reader], ...] = (
+    (is_camodocal, camodocal_camera),
+    (is_orb_slam, orb_slam_camera),
+    (is_basalt, basalt_camera),
+    (is_rig, rig_camera),
+    (is_realsense, realsense_camera),
+    (is_opencv, opencv_camera),
+    (is_kalibr, kalibr_camera),
+    (is_nerfstudio, nerfstudio_camera),
+    (is_bop, bop_camera),
+    (is_bop_images, bop_images_camera),
+)
+"""Formats that are recognized by the keys of their files, in YAML, XML or JSON."""
 
 
 def _read(path: Path, name: str, distortion: bool) -> ImageCamera | None:
     kind = path.suffix.lower()
-    if kind in (".yaml", ".yml"):
-        return yaml_camera(path, name, distortion=distortion)
-    if kind == ".xml":
-        return xml_camera(path, name, distortion=distortion)
-    if name and kind != ".json":
-        raise FileFormatError(f"{path}: a camera name after a colon is only for YAML, XML and JSON, got {name!r}")
     if path.name in ("cameras.txt", "cameras.bin"):
-        return colmap_camera(path, distortion=distortion)
+        return colmap_camera(path, name, distortion=distortion)
+    if kind == ".txt" and path.name != _TUM_FILE and is_ocam(path):
+        return ocam_camera(path, name, distortion=distortion)
     if path.name == _TUM_FILE:
+        only_camera(path, name)
         return _tum_camera(path, distortion=distortion)
-    fields = read_json(path)
+    fields: Any = load_yaml(path) if kind in _YAML else read_xml(path) if kind == ".xml" else read_json(path)
     if not isinstance(fields, dict):
-        raise CameraError(f"{path}: a camera file holds one JSON object, got {type(fields).__name__}")
-    if is_opencv(fields):
-        return opencv_camera(path, fields, name, distortion=distortion)
-    if name:
-        raise FileFormatError(f"{path}: holds one camera, so it takes no name {name!r}")
-    if is_nerfstudio(fields):
-        return nerfstudio_camera(path, fields, distortion=distortion)
-    if is_bop(fields):
-        return bop_camera(path, fields)
-    if any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values()):
-        return bop_images_camera(path, fields)
+        unit = "YAML mapping" if kind in _YAML else "JSON object"
+        error = FileFormatError if kind in _YAML else CameraError
+        raise error(f"{path}: a camera file holds one {unit}, got {type(fields).__name__}")
+    fields = {str(key): value for key, value in fields.items()}
+    for is_format, read in _FORMATS:
+        if is_format(fields):
+            return read(path, fields, name, distortion=distortion)
+    if kind in _YAML or kind == ".xml":
+        raise FileFormatError(
+            f"{path}: holds no camera of ROS or OpenCV (image_width, camera_matrix, ...), Kalibr (cam0: intrinsics, "
+            "...), camodocal (model_type, ...) or ORB-SLAM (Camera1.fx, ...)"
+        )
+    only_camera(path, name)
     if "lens" in fields and not distortion:
         raise NoPinholeError(f"{path}: the camera has a lens, so it is not a pinhole")
     try:

@@ -12,16 +12,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from warpvis.cameras import ImageCamera
 from warpvis.cameras.lenses import NERF_PINHOLES, Lens, lens_from_nerfstudio, nerfstudio_model
+from warpvis.core.checks import truncate
 from warpvis.core.file_content import read_json
 from warpvis.core.types import Json
 from warpvis.core.user_warnings import warn_user
-from warpvis.errors import IntrinsicsWarning
+from warpvis.errors import FileFormatError, IntrinsicsWarning
 from warpvis.io._files import as_numbers, shorten
-from warpvis.io.cameras._making import NoPinholeError, checked, image_size, make_camera, make_pinhole, one_camera
+from warpvis.io.cameras._making import (
+    NoPinholeError,
+    checked,
+    choose,
+    image_size,
+    make_camera,
+    make_pinhole,
+    one_camera,
+    only_camera,
+)
 
 _NERF_NUMBERS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 _NERF_ANGLES = ("camera_angle_x", "camera_angle_y", "x_fov", "y_fov")
@@ -41,44 +51,81 @@ def is_bop(fields: Mapping[str, Json]) -> bool:
     return fields.keys() >= _BOP_CAMERA
 
 
-def nerfstudio_camera(path: Path, fields: Mapping[str, Json], *, distortion: bool) -> ImageCamera | None:
-    """Read the camera of all frames; None if not given, or, with a warning, if there are several."""
+def nerfstudio_camera(
+    path: Path, fields: Mapping[str, Json], name: str | None, *, distortion: bool
+) -> ImageCamera | None:
+    """Read the camera of all frames, or that of one frame by its ``file_path`` or the name of its file.
+
+    If `name` is None, poses are read: frames without a camera, or with several, are no error, and the result is None.
+    """
+    frames = fields.get("frames")
+    listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
+    chosen = [_find_frame(path, listed, name)] if name else listed
     kinds: dict[tuple[Lens, tuple[float, float]], None] = {}  # a set in the order of the file
-    for entry, frames in _nerfstudio_entries(fields):
+    for entry in _nerfstudio_entries(fields, chosen):
         model = checked(str(path), partial(nerfstudio_model, entry))
-        numbers = _nerfstudio_numbers(path, entry, frames)
+        try:
+            numbers = _nerfstudio_numbers(path, entry, chosen)
+        except _MissingSizeError as error:
+            if name is not None:
+                raise
+            warn_user(f"{error}: the frames have no camera", IntrinsicsWarning)
+            numbers = None
         if model not in NERF_PINHOLES and not distortion:
             raise NoPinholeError(f"{path}: camera_model {shorten(model)} is not a pinhole")
         if numbers is not None:
             kinds[checked(str(path), partial(lens_from_nerfstudio, entry, *numbers)), numbers[0]] = None
+    if not kinds and name is not None:
+        raise FileFormatError(f"{path}: defines no focal length: fl_x [px], camera_angle_x [rad] or x_fov [degrees]")
 
     def make(lens: Lens, size: tuple[float, float]) -> ImageCamera:
         return make_camera(str(path), size, lambda: lens, distortion=distortion)
 
-    return one_camera((make(*kind) for kind in kinds), str(path))
+    example = "" if name is None else next((_frame_name(frame) for frame in listed if _frame_name(frame)), "FRAME")
+    return one_camera((make(*kind) for kind in kinds), str(path), example)
 
 
-def _nerfstudio_entries(fields: Mapping[str, Json]) -> list[tuple[dict[str, Json], list[dict[str, Json]]]]:
+def _frame_name(frame: Mapping[str, Json]) -> str:
+    name = frame.get("file_path")
+    return name if isinstance(name, str) else ""
+
+
+def _find_frame(path: Path, frames: Sequence[dict[str, Json]], name: str) -> dict[str, Json]:
+    """Find a frame by its ``file_path``, with or without ``./``, or by the name of that file."""
+    names = [_frame_name(frame) for frame in frames]
+    exact = [index for index, text in enumerate(names) if name in (text, text.removeprefix("./"))]
+    found = exact or [index for index, text in enumerate(names) if name in (PurePath(text).name, PurePath(text).stem)]
+    if len(found) != 1:
+        number = "several frames" if found else "no frame"
+        raise FileFormatError(
+            f"{path}: has {number} with the file_path {truncate(name)!r}; the first of {len(frames)} is "
+            f"{truncate(names[0] if names else '')!r}"
+        )
+    return frames[found[0]]
+
+
+def _nerfstudio_entries(fields: Mapping[str, Json], frames: Sequence[dict[str, Json]]) -> list[dict[str, Json]]:
     """List the objects that may describe a camera: frames with their own intrinsics, or else the file."""
-    frames = fields.get("frames")
-    listed = [frame for frame in frames if isinstance(frame, dict)] if isinstance(frames, list) else []
     names = (*_NERF_NUMBERS, *_NERF_ANGLES, *_NERF_LENS, *_NGP_LENS)
-    cameras = [{**fields, **frame} for frame in listed if any(name in frame for name in names)]
-    return [(entry, listed) for entry in cameras or [dict(fields)]]
+    cameras = [{**fields, **frame} for frame in frames if any(name in frame for name in names)]
+    return cameras or [dict(fields)]
+
+
+class _MissingSizeError(FileFormatError):
+    """A file defines a field of view or a focal length, but no image size."""
 
 
 def _nerfstudio_numbers(
     path: Path, fields: Mapping[str, Json], frames: Sequence[Mapping[str, Json]]
 ) -> tuple[tuple[float, float], tuple[float, ...]] | None:
-    """Read width and height, and ``fx fy cx cy`` [px]; None if not given."""
-    size = _nerfstudio_size(path, fields, frames)
+    """Read width and height, and ``fx fy cx cy`` [px]; None if no focal length is given."""
+    given = any(fields.get(name) is not None for name in ("fl_x", "fl_y", *_NERF_ANGLES))
+    size = _nerfstudio_size(path, fields, frames) if given else None
+    if size is None and given:
+        raise _MissingSizeError(
+            f"{path}: defines a field of view but not the image size, w and h [px], and there is no picture next to it"
+        )
     if size is None:
-        if any(fields.get(name) is not None for name in ("fl_x", "fl_y", *_NERF_ANGLES)):
-            warn_user(
-                f"{path}: defines a field of view but not the image size, and there is no picture next to it: the "
-                "frames have no camera",
-                IntrinsicsWarning,
-            )
         return None
     focal = [_nerfstudio_focal(path, fields, axis, side) for axis, side in zip("xy", size, strict=True)]
     fx, fy = (one if one is not None else other for one, other in (focal, focal[::-1]))
@@ -115,27 +162,41 @@ def _nerfstudio_size(
     return image_size(path.parent, [name, f"{name}.png"])
 
 
-def bop_camera(path: Path, fields: Mapping[str, Json]) -> ImageCamera:
-    """Read BOP's ``camera.json``."""
+def bop_camera(path: Path, fields: Mapping[str, Json], name: str = "", *, distortion: bool = True) -> ImageCamera:
+    """Read BOP's ``camera.json``, a pinhole."""
+    only_camera(path, name)
     width, height, *intrinsics = (
-        as_numbers(fields[name], (), f"{path}: {name}").item() for name in ("width", "height", "fx", "fy", "cx", "cy")
+        as_numbers(fields[key], (), f"{path}: {key}").item() for key in ("width", "height", "fx", "fy", "cx", "cy")
     )
     return make_pinhole(str(path), (width, height), intrinsics)
 
 
-def bop_images_camera(path: Path, images: Mapping[str, Json]) -> ImageCamera | None:
-    """Read the camera of all images of a ``scene_camera.json``.
+def is_bop_images(fields: Mapping[str, Json]) -> bool:
+    """Return whether a JSON object is BOP's ``scene_camera.json``."""
+    return any(isinstance(entry, dict) and "cam_K" in entry for entry in fields.values())
 
-    The image size is that of a picture next to it, or that of the dataset's ``camera.json``. None if neither exists,
-    or, with a warning, if the images have several cameras.
+
+def bop_images_camera(
+    path: Path, images: Mapping[str, Json], name: str | None, *, distortion: bool = True
+) -> ImageCamera | None:
+    """Read the camera of all images of a ``scene_camera.json``, or that of an image by its id.
+
+    The image size is that of a picture next to it, or that of the dataset's ``camera.json``. If `name` is None, poses
+    are read: images without a size, or with several cameras, are no error, and the result is None.
     """
-    entries = [entry["cam_K"] for entry in images.values() if isinstance(entry, dict) and "cam_K" in entry]
+    entries = {key: entry["cam_K"] for key, entry in images.items() if isinstance(entry, dict) and "cam_K" in entry}
+    if name:
+        entries = {name: entries[choose(path, list(entries), name)]}
     size = _bop_size(path, images) if entries else None
     if size is None:
+        if name is not None:
+            raise FileFormatError(
+                f"{path}: must have a picture or the dataset's camera.json next to it, which has the image size [px]"
+            )
         return None
-    matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in entries}
+    matrices = {tuple(as_numbers(matrix, (9,), f"{path}: cam_K").tolist()) for matrix in entries.values()}
     cameras = (make_pinhole(str(path), size, (fx, fy, cx, cy)) for fx, _, cx, _, fy, cy, *_ in sorted(matrices))
-    return one_camera(cameras, str(path))
+    return one_camera(cameras, str(path), "" if name is None else next(iter(entries)))
 
 
 def _bop_size(path: Path, images: Mapping[str, Json]) -> tuple[float, float] | None:

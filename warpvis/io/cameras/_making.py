@@ -12,11 +12,14 @@ from warpvis.cameras import ImageCamera
 from warpvis.cameras.base import intrinsics
 from warpvis.cameras.lenses import Lens, OpenCVPinhole
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import describe_exception
+from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.errors import CameraError, FileFormatError, IntrinsicsWarning, MessageError
 
 Made = TypeVar("Made")
+
+_NAMES_SHOWN = 12
+"""Maximum number of names of cameras in a message."""
 
 
 class NoPinholeError(FileFormatError):
@@ -72,18 +75,36 @@ def checked(place: str, make: Callable[[], Made]) -> Made:
         raise FileFormatError(f"{place}: {describe_exception(error)}") from None
 
 
-def one_camera(cameras: Iterable[ImageCamera], place: str) -> ImageCamera | None:
-    """Return the camera of all images; None without a camera, or, with a warning, if they have several."""
+def choose(path: Path, names: Sequence[str], name: str) -> str:
+    """Return the name of the camera to read, which must be given if a file has several."""
+    shown = ", ".join(names[:_NAMES_SHOWN]) + (", ..." if len(names) > _NAMES_SHOWN else "")
+    if name and name not in names:
+        raise FileFormatError(f"{path}: has no camera {truncate(name)!r}; it has {shown}")
+    if not name and len(names) > 1:
+        raise FileFormatError(f"{path}: has the cameras {shown}; choose one as {path}:{names[0]}")
+    return name or names[0]
+
+
+def only_camera(path: Path, name: str) -> None:
+    """Raise `FileFormatError` if a name is given for a file that has one camera."""
+    if name:
+        raise FileFormatError(f"{path}: holds one camera, so it takes no name {truncate(name)!r}")
+
+
+def one_camera(cameras: Iterable[ImageCamera], place: str, example: str = "") -> ImageCamera | None:
+    """Return the camera of all images, or None without a camera.
+
+    If they have several, raise an error that names `example`, a way to choose one, or without it, warn and return None.
+    """
     remaining = iter(cameras)
     first = next(remaining, None)
     other = next((camera for camera in remaining if not camera.has_pixels_of(first)), None)
     if first is None or other is None:
         return first
-    warn_user(
-        f"{place}: its images have different cameras, such as {first.describe()} and "
-        f"{other.describe()}; frames have only one, so give it explicitly",
-        IntrinsicsWarning,
-    )
+    problem = f"{place}: its images have different cameras, such as {first.describe()} and {other.describe()}"
+    if example:
+        raise FileFormatError(f"{problem}; choose one as {place}:{example}")
+    warn_user(f"{problem}; frames have only one, so give it explicitly", IntrinsicsWarning)
     return None
 
 

@@ -230,7 +230,7 @@ def parse_bop(path: Path, data: Json) -> FilePoses:
         translations[index] = as_numbers(entry["cam_t_w2c"], (3,), f"{path}: cam_t_w2c of image {image}")
     poses = _inverse(rotations, translations / _MILLIMETERS)
     times = np.array(images, dtype=np.float64)
-    camera = bop_images_camera(path, data)
+    camera = bop_images_camera(path, data, None)
     return FilePoses(poses, lambda index: f"{path}: image {images[index]}", timestamps=times, camera=camera)
 
 
@@ -262,7 +262,7 @@ def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> Fil
         warn_user(
             f"{path}: rolling_shutter is not read: each frame has the one pose of its transform_matrix", UserWarning
         )
-    camera = camera_of_poses(lambda: nerfstudio_camera(path, data, distortion=distortion))
+    camera = camera_of_poses(lambda: nerfstudio_camera(path, data, None, distortion=distortion))
     names, depths = ([_text(entry.get(key)) for entry in frames] for key in ("file_path", "depth_file_path"))
     return FilePoses(
         poses,
@@ -295,7 +295,7 @@ def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
     used = {image.camera for image in images}
     camera = None
     if images and cameras_file.is_file():
-        camera = camera_of_poses(lambda: colmap_camera(cameras_file, used, distortion=distortion))
+        camera = camera_of_poses(lambda: colmap_camera(cameras_file, used=used, distortion=distortion))
     return FilePoses(
         poses,
         lambda index: f"{path}: image {truncate(images[index].name)!r}",
