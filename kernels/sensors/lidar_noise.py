@@ -35,14 +35,23 @@ class LidarModel:
     weak_sigma: float  # [m]
     resolution: wp.float64  # [m]
     ring_sigma: float  # [m]
-    ring_offsets: wp.array[float]  # [m]
-    rings: wp.array2d[wp.int32]  # of rays; None if rings have no errors
     dropout: float
     min_power: wp.float64  # 0 if power does not matter
     power_sigma: float  # relative to min_power
     attenuation: float  # exponent of 2 that power falls off with, both ways [1/m]
     false_returns: float
     false_range: float  # [m]
+
+
+@wp.struct
+class Pixel:
+    """Key of the random numbers of a ray. Structs of arrays are slow to pass to functions on a CPU."""
+
+    seed: wp.uint32
+    number: wp.uint32  # of the view
+    frame: wp.uint32
+    y: int
+    x: int
 
 
 @wp.struct
@@ -63,18 +72,28 @@ def logarithm(number: float) -> float: ...
 
 
 @wp.func
-def draw_word(inputs: SensorInputs, stream: int, view: int, y: int, x: int) -> wp.uint32:
-    draw = inputs.draws[view]
-    return random_word(inputs.seed, wp.uint32(stream), draw[0], draw[1], y, x)
+def pixel_of(seed: wp.uint32, draw: wp.vec2ui, y: int, x: int) -> Pixel:
+    pixel = Pixel()
+    pixel.seed = seed
+    pixel.number = draw[0]
+    pixel.frame = draw[1]
+    pixel.y = y
+    pixel.x = x
+    return pixel
 
 
 @wp.func
-def false_echo(model: LidarModel, inputs: SensorInputs, view: int, y: int, x: int) -> wp.float64:
+def draw_word(pixel: Pixel, stream: int) -> wp.uint32:
+    return random_word(pixel.seed, wp.uint32(stream), pixel.number, pixel.frame, pixel.y, pixel.x)
+
+
+@wp.func
+def false_echo(model: LidarModel, pixel: Pixel) -> wp.float64:
     """Return the range of a return from a drop of water; +inf without one."""
     found = wp.float64(wp.inf)
     if model.false_returns > 0.0:
-        if to_uniform(draw_word(inputs, STREAM_FALSE_RETURN, view, y, x)) < model.false_returns:
-            uniform = to_uniform(draw_word(inputs, STREAM_FALSE_RANGE, view, y, x))
+        if to_uniform(draw_word(pixel, STREAM_FALSE_RETURN)) < model.false_returns:
+            uniform = to_uniform(draw_word(pixel, STREAM_FALSE_RANGE))
             found = wp.float64(-model.false_range * LN_2 * logarithm(uniform))
     return found
 
@@ -101,14 +120,14 @@ def surface_echo(model: LidarModel, distance: wp.float64, reflectivity: wp.float
 
 
 @wp.func
-def loss_of(model: LidarModel, inputs: SensorInputs, echo: Echo, view: int, y: int, x: int) -> int:
+def loss_of(model: LidarModel, pixel: Pixel, echo: Echo) -> int:
     """Return why an echo is not detected; VALID if it is."""
     if model.dropout > 0.0:
-        if to_uniform(draw_word(inputs, STREAM_DROPOUT, view, y, x)) < model.dropout:
+        if to_uniform(draw_word(pixel, STREAM_DROPOUT)) < model.dropout:
             return REASON_DROPOUT
     noise = float(0.0)
     if model.power_sigma > 0.0:
-        noise = model.power_sigma * to_normal(draw_word(inputs, STREAM_POWER, view, y, x))
+        noise = model.power_sigma * to_normal(draw_word(pixel, STREAM_POWER))
     if echo.power > 0.0 and echo.power + noise >= 1.0:
         return REASON_VALID
     if echo.straight > 0.0 and echo.straight + noise >= 1.0:
@@ -117,34 +136,25 @@ def loss_of(model: LidarModel, inputs: SensorInputs, echo: Echo, view: int, y: i
 
 
 @wp.func
-def measured_range(
-    model: LidarModel, inputs: SensorInputs, echo: Echo, ring: int, view: int, y: int, x: int
-) -> wp.float64:
-    """Return the range of a detected echo with errors, rounded to the resolution [m]."""
-    found = echo.range
-    if ring >= 0:
-        if model.ring_offsets:
-            found += wp.float64(model.ring_offsets[ring])
-        if model.ring_sigma > 0.0:
-            zero = wp.uint32(0)
-            word = random_word(inputs.seed, wp.uint32(STREAM_RINGS), zero, zero, 0, ring)
-            found += wp.float64(model.ring_sigma * to_normal(word))
-    growth, weak = model.sigma_growth * float(echo.range), model.weak_sigma / echo.power
-    sigma = wp.sqrt(model.sigma * model.sigma + growth * growth + weak * weak)
-    if sigma > 0.0:
-        found += wp.float64(sigma * to_normal(draw_word(inputs, STREAM_RANGE, view, y, x)))
-    if model.resolution > wp.float64(0.0):
-        found = wp.floor(found / model.resolution + wp.float64(0.5)) * model.resolution
-    return found
+def ring_noise(sigma: float, seed: wp.uint32, ring: int) -> float:
+    """Return the random part of a ring's range error [m]."""
+    if sigma == 0.0:
+        return 0.0
+    zero = wp.uint32(0)
+    return sigma * to_normal(random_word(seed, wp.uint32(STREAM_RINGS), zero, zero, 0, ring))
 
 
 @wp.func
-def ring_of(model: LidarModel, y: int, x: int) -> int:
-    """Return the ring of a ray; -1 if rings have no errors."""
-    ring = int(-1)
-    if model.rings:
-        ring = model.rings[y, x]
-    return ring
+def measured_range(model: LidarModel, pixel: Pixel, echo: Echo, ring_error: float) -> wp.float64:
+    """Return the range of a detected echo with errors, rounded to the resolution [m]."""
+    found = echo.range + wp.float64(ring_error)
+    growth, weak = model.sigma_growth * float(echo.range), model.weak_sigma / echo.power
+    sigma = wp.sqrt(model.sigma * model.sigma + growth * growth + weak * weak)
+    if sigma > 0.0:
+        found += wp.float64(sigma * to_normal(draw_word(pixel, STREAM_RANGE)))
+    if model.resolution > wp.float64(0.0):
+        found = wp.floor(found / model.resolution + wp.float64(0.5)) * model.resolution
+    return found
 
 
 @wp.kernel
@@ -154,44 +164,58 @@ def measure_lidar(
     window: Window,
     # In:
     rays_in: wp.array2d[wp.vec3d],
+    rings_in: wp.array2d[wp.int32],
+    ring_offsets_in: wp.array[float],
     model: LidarModel,
     inputs: SensorInputs,
+    span: int,
     # Out:
     images_out: MeasuredImages,
 ):
     """Write the measured depth of every ray, and the reason for missing depth.
 
-    `rays_in` have depth 1, and only the depth range of `inputs.camera` is read.
+    `rays_in` have depth 1, and only the depth range of `inputs.camera` is read. `rings_in` is None if rings have no
+    errors, and `ring_offsets_in` [m] if these are unknown. Each thread takes `span` rays of a row.
     """
-    view, y, x = wp.tid()
+    view, y, part = wp.tid()
     view, y = locate(window, view, y)
 
-    ray = rays_in[y, x]
-    length = wp.length(ray)
-    depth = inputs.true_depth[view, y, x]
-    echo = bright_echo(wp.float64(depth) * length)
-    drop = false_echo(model, inputs, view, y, x)
-    seen = limit_depth(inputs.camera, float(drop / length))
-    if drop < echo.range and seen == float(drop / length):
-        echo.range = drop
-    elif not wp.isfinite(depth):
-        write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
-        return
-    elif model.min_power > wp.float64(0.0):
-        reflectivity = wp.float64(1.0)
-        if inputs.segmentation:
-            reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
-        along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
-        cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
-        echo = surface_echo(model, echo.range, reflectivity, cosine)
+    for x in range(part * span, wp.min((part + 1) * span, inputs.true_depth.shape[2])):
+        depth = inputs.true_depth[view, y, x]
+        if not wp.isfinite(depth) and model.false_returns == 0.0:
+            write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
+            continue
+        ray = rays_in[y, x]
+        length = wp.length(ray)
+        echo = bright_echo(wp.float64(depth) * length)
+        pixel = pixel_of(inputs.seed, inputs.draws[view], y, x)
+        drop = false_echo(model, pixel)
+        seen = limit_depth(inputs.camera, float(drop / length))
+        if drop < echo.range and seen == float(drop / length):
+            echo.range = drop
+        elif not wp.isfinite(depth):
+            write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
+            continue
+        elif model.min_power > wp.float64(0.0):
+            reflectivity = wp.float64(1.0)
+            if inputs.segmentation:
+                reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
+            along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
+            cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
+            echo = surface_echo(model, echo.range, reflectivity, cosine)
 
-    reason = loss_of(model, inputs, echo, view, y, x)
-    measured = float(wp.nan)
-    if reason == REASON_VALID:
-        found = measured_range(model, inputs, echo, ring_of(model, y, x), view, y, x)
-        measured = limit_depth(inputs.camera, float(found / length))
-        reason = range_reason(measured)
-    write_pixel(images_out, view, y, x, measured, reason)
+        reason = loss_of(model, pixel, echo)
+        measured = float(wp.nan)
+        if reason == REASON_VALID:
+            ring_error = float(0.0)
+            if rings_in:
+                ring_error = ring_noise(model.ring_sigma, inputs.seed, rings_in[y, x])
+                if ring_offsets_in:
+                    ring_error += ring_offsets_in[rings_in[y, x]]
+            found = measured_range(model, pixel, echo, ring_error)
+            measured = limit_depth(inputs.camera, float(found / length))
+            reason = range_reason(measured)
+        write_pixel(images_out, view, y, x, measured, reason)
 
 
 @wp.kernel
@@ -200,9 +224,12 @@ def measure_returns(
     # In:
     range_in: wp.array3d[float],
     intensity_in: wp.array3d[float],
+    rings_in: wp.array2d[wp.int32],
+    ring_offsets_in: wp.array[float],
     falls_off: bool,
     model: LidarModel,
     inputs: SensorInputs,
+    span: int,
     # Out:
     range_out: wp.array3d[float],
     intensity_out: wp.array3d[float],
@@ -211,35 +238,42 @@ def measure_returns(
 
     `falls_off`: Whether intensity has been divided by the squared range [1/m^2].
     """
-    view, y, x = wp.tid()
+    view, y, part = wp.tid()
     view, y = locate(window, view, y)
 
     row = y % int(inputs.camera.height)
-    distance = range_in[view, y, x]
-    intensity = float(intensity_in[view, y, x])
-    echo = bright_echo(wp.float64(distance))
-    drop = wp.float64(wp.inf)
-    if y == row:
-        drop = false_echo(model, inputs, view, y, x)
-    if drop < echo.range and limit_depth(inputs.camera, float(drop)) == float(drop):
-        echo.range = drop
-        weakest = model.min_power
-        if not falls_off:
-            weakest = weakest * drop * drop
-        intensity = float(weakest)
-    elif not wp.isfinite(distance):
-        range_out[view, y, x] = distance
-        intensity_out[view, y, x] = intensity
-        return
-    else:
-        reflectivity = wp.float64(intensity)
-        if falls_off:
-            reflectivity = reflectivity * echo.range * echo.range
-        echo = surface_echo(model, echo.range, reflectivity, wp.float64(1.0))
+    for x in range(part * span, wp.min((part + 1) * span, range_in.shape[2])):
+        distance = range_in[view, y, x]
+        intensity = float(intensity_in[view, y, x])
+        echo = bright_echo(wp.float64(distance))
+        pixel = pixel_of(inputs.seed, inputs.draws[view], y, x)
+        drop = wp.float64(wp.inf)
+        if y == row:
+            drop = false_echo(model, pixel)
+        if drop < echo.range and limit_depth(inputs.camera, float(drop)) == float(drop):
+            echo.range = drop
+            weakest = model.min_power
+            if not falls_off:
+                weakest = weakest * drop * drop
+            intensity = float(weakest)
+        elif not wp.isfinite(distance):
+            range_out[view, y, x] = distance
+            intensity_out[view, y, x] = intensity
+            continue
+        else:
+            reflectivity = wp.float64(intensity)
+            if falls_off:
+                reflectivity = reflectivity * echo.range * echo.range
+            echo = surface_echo(model, echo.range, reflectivity, wp.float64(1.0))
 
-    measured = float(wp.inf)
-    if loss_of(model, inputs, echo, view, y, x) == REASON_VALID:
-        found = measured_range(model, inputs, echo, ring_of(model, row, x), view, y, x)
-        measured = limit_depth(inputs.camera, float(found))
-    range_out[view, y, x] = measured
-    intensity_out[view, y, x] = wp.where(wp.isfinite(measured), intensity, 0.0)
+        measured = float(wp.inf)
+        if loss_of(model, pixel, echo) == REASON_VALID:
+            ring_error = float(0.0)
+            if rings_in:
+                ring_error = ring_noise(model.ring_sigma, inputs.seed, rings_in[row, x])
+                if ring_offsets_in:
+                    ring_error += ring_offsets_in[rings_in[row, x]]
+            found = measured_range(model, pixel, echo, ring_error)
+            measured = limit_depth(inputs.camera, float(found))
+        range_out[view, y, x] = measured
+        intensity_out[view, y, x] = wp.where(wp.isfinite(measured), intensity, 0.0)

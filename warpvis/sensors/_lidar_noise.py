@@ -161,15 +161,16 @@ class LidarNoise(DepthSensor):
 
         rays = cast(Rays, exposure.camera)
         device = exposure.scene.device
-        model, inputs = self._model(rays, device), _range_inputs(rays)
+        model, inputs = self._model(), _range_inputs(rays)
         inputs.seed = exposure.seed
         images = {name: getattr(exposure, name) for name in ("true_depth", "draws", "normals", "segmentation")}
         write_fields(inputs, **{name: image for name, image in images.items() if image is not None})
         if exposure.segmentation is not None:
             values = reflectivities(exposure.scene, self.reflectivity)
             inputs.reflectivity = wp.array(values, dtype=wp.float32, device=device)
-        along = rays_on_device(rays, device)
-        exposure.launch(measure_lidar, along, model, inputs, kernel_images(exposure), cameras=[exposure.poses])
+        given = [rays_on_device(rays, device), *self._rings(rays, device), model, inputs]
+        span = _span(rays, device)
+        exposure.launch(measure_lidar, *given, span, kernel_images(exposure), cameras=[exposure.poses], rows=True)
 
     def apply(
         self,
@@ -220,8 +221,11 @@ class LidarNoise(DepthSensor):
         rows = shape[0], shape[1] * rays.height, rays.width
         images = [image.reshape(rows) for image in (given.range, given.intensity)]
         targets = [image.reshape(rows) for image in (result.range, result.intensity)]
-        options = [falls_off, self._model(rays, device), inputs]
-        launch_images(measure_returns, rows, lambda window: [window, *images, *options, *targets], device=device)
+        span = _span(rays, device)
+        options = [*self._rings(rays, device), falls_off, self._model(), inputs, span]
+        launch_images(
+            measure_returns, rows, lambda window: [window, *images, *options, *targets], device=device, span=span
+        )
         return result if out is None else out
 
     @property
@@ -246,7 +250,7 @@ class LidarNoise(DepthSensor):
                 f"ring_offsets must have a number of m for each ring from 0 to {last}, got {len(self.ring_offsets)}"
             )
 
-    def _model(self, rays: Rays, device: wp.Device) -> LidarModel:
+    def _model(self) -> LidarModel:
         """Return the parameters as a struct for kernels."""
         from warpvis.kernels.sensors.lidar_noise import LidarModel
 
@@ -255,15 +259,17 @@ class LidarNoise(DepthSensor):
             setattr(model, name, getattr(self, name))
         model.min_power = self._min_power
         model.attenuation = 2.0 * self.attenuation * _LOG2_E
-        if self._has_ring_errors:
-            shape = rays.height, rays.width
-            model.rings = rays.prepared(
-                ("rings", device.alias),
-                lambda: wp.array(np.reshape(rays.rings, shape), dtype=wp.int32, device=device),  # type: ignore[arg-type]
-            )
-        if self.ring_offsets is not None:
-            model.ring_offsets = wp.array(self.ring_offsets, dtype=wp.float32, device=device)
         return model
+
+    def _rings(self, rays: Rays, device: wp.Device) -> tuple[wp.array | None, wp.array | None]:
+        """Return the ring of each ray, ``(height, width)``, and the offsets of rings; None if there are none."""
+        if not self._has_ring_errors:
+            return None, None
+        assert rays.rings is not None  # checked by `_check_rings`
+        image = rays.rings.reshape(rays.height, rays.width)
+        rings = rays.prepared(("rings", device.alias), lambda: wp.array(image, dtype=wp.int32, device=device))
+        offsets = self.ring_offsets
+        return rings, None if offsets is None else wp.array(offsets, dtype=wp.float32, device=device)
 
 
 def _range_inputs(rays: Rays) -> SensorInputs:
@@ -273,6 +279,11 @@ def _range_inputs(rays: Rays) -> SensorInputs:
     inputs = SensorInputs()
     inputs.camera.near, inputs.camera.far, inputs.camera.height = rays.near, rays.far, rays.height
     return inputs
+
+
+def _span(rays: Rays, device: wp.Device) -> int:
+    """Return the number of rays of a row per thread: copying arguments on a CPU takes longer than measuring a ray."""
+    return rays.width if device.is_cpu else 1
 
 
 def _check_returns(returns: object, name: str) -> Returns:
