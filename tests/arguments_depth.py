@@ -9,7 +9,10 @@ from reference_redwood import make_table, write_table
 
 import warpvis as wv
 
-_PROFILES = ("realsense_d415", "realsense_d435", "realsense_d455", "oak_d", "kinect_v1", "structure")
+_PROFILES = (
+    "realsense_d405", "realsense_d415", "realsense_d435", "realsense_d455", "realsense_d457", "gemini_335", "zed_2i",
+    "oak_d", "kinect_v1", "structure",
+)  # fmt: skip
 
 
 def _picture(path):
@@ -93,6 +96,8 @@ def depth_sensor_cases(path):
         "randomized": (wv.sensors.randomized, {"sensor": sensor, "per": "view", "kinds": None, "sigma": (0.1, 0.2)}),
         "sensor_by_name": (wv.sensors.sensor_by_name, {"text": "d435@8x6"}),
         "azure_kinect": (wv.sensors.azure_kinect, {"mode": "nfov_binned"}),
+        "femto_bolt": (wv.sensors.femto_bolt, {"mode": "nfov_binned"}),
+        "realsense_l515": (wv.sensors.realsense_l515, {}),
         "kinect_v2": (wv.sensors.kinect_v2, {}),
         "pmd_flexx2": (wv.sensors.pmd_flexx2, {}),
         "TimeOfFlight": (

@@ -202,7 +202,7 @@ def test_named_sensor_provides_its_camera(tmp_path):
     [
         ("d345", "there is no sensor 'd345'; did you mean d4"),
         ("realsens_d455", "did you mean d455"),
-        ("webcam", "there are d415, d435"),
+        ("webcam", "there are d405, d415, d435"),
         ("d435@big", "a size must be given as in d435@424x240"),
         ("kinect-v2@64x48", "kinect-v2 has a fixed size"),
     ],

@@ -391,7 +391,7 @@ def test_azure_kinect_has_the_specified_noise(device, mode):
         assert abs(error.mean()) < 0.011 + 0.001 * distance + 4 * sigma / 60
 
 
-@pytest.mark.parametrize("profile", ["azure_kinect", "kinect_v2", "pmd_flexx2"])
+@pytest.mark.parametrize("profile", ["azure_kinect", "realsense_l515", "kinect_v2", "pmd_flexx2"])
 def test_profiles_measure_a_room(profile):
     sensor = getattr(wv.sensors, profile)()
     camera = sensor.camera()

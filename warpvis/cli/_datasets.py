@@ -79,9 +79,9 @@ class ImageOptions(ColorOptions, FrameOptions):
     exclude: Names = ()
     """Objects that are invisible to the camera, such as the robot it is mounted on."""
     sensor: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Simulated depth camera: d415, d435, d455, oak-d, kinect-v1, structure, optionally with a size (d435@424x240);
-    azure-kinect, azure-kinect-binned, azure-kinect-wide, azure-kinect-wide-binned, kinect-v2, flexx2. Uses the device's
-    intrinsics, unless --camera or the pose file defines a camera."""
+    """Simulated depth camera: d405, d415, d435, d455, d457, gemini-335, zed-2i, oak-d, kinect-v1, structure, optionally
+    with a size (d435@424x240); azure-kinect and femto-bolt, also with -binned, -wide and -wide-binned; l515, kinect-v2,
+    flexx2. Uses the device's intrinsics, unless --camera or the pose file defines a camera."""
     sensor_seed: int = 0
     """Seed of the sensor's random numbers, combined with each frame's number."""
     sensor_vary: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=MIN:MAX,...")] = ()

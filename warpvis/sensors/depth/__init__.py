@@ -18,15 +18,21 @@ from warpvis.sensors.depth._latency import Latency as Latency
 from warpvis.sensors.depth._profiles import (
     SENSOR_NAMES as SENSOR_NAMES,
     azure_kinect as azure_kinect,
+    femto_bolt as femto_bolt,
+    gemini_335 as gemini_335,
     kinect_v1 as kinect_v1,
     kinect_v2 as kinect_v2,
     oak_d as oak_d,
     pmd_flexx2 as pmd_flexx2,
+    realsense_d405 as realsense_d405,
     realsense_d415 as realsense_d415,
     realsense_d435 as realsense_d435,
     realsense_d455 as realsense_d455,
+    realsense_d457 as realsense_d457,
+    realsense_l515 as realsense_l515,
     sensor_by_name as sensor_by_name,
     structure as structure,
+    zed_2i as zed_2i,
 )
 from warpvis.sensors.depth._randomized import Randomized as Randomized, randomized as randomized
 from warpvis.sensors.depth._stereo import StereoDepth as StereoDepth

@@ -9,10 +9,12 @@ specified, measured or published for the device or for similar devices, without 
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import math
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from warpvis.cameras.pinhole import Camera, check_size
 from warpvis.core.checks import check_choice, check_text, truncate
@@ -70,6 +72,60 @@ def realsense_d455(width: int = 848, height: int = 480) -> StereoDepth:
     Baseline and field of view: Intel's data sheet of the D400 series.
     """
     return _realsense(width, height, hfov=87.0, baseline=0.095)
+
+
+def realsense_d457(width: int = 848, height: int = 480) -> StereoDepth:
+    """Return a RealSense D457: a D455 with a GMSL connector, with the same depth module, D450, and the same depth.
+
+    Its page on realsenseai.com specifies 87 by 58 degrees, and 0.52 m as the minimum depth at 1280x720.
+    """
+    return realsense_d455(width, height)
+
+
+def realsense_d405(width: int = 848, height: int = 480) -> StereoDepth:
+    """Return a RealSense D405: stereo for short ranges, baseline 18 mm, 84 degrees, 0.07 to 10 m at 848x480.
+
+    Baseline: ``_d405.urdf.xacro`` of realsense-ros at 1cbd81be. Field of view: Intel's comparison of cameras. The
+    minimum depths of the data sheet, 0.1 m at 1280x720 and 0.07 m at 848x480, are those of 126 disparities to within
+    5 %. The specified range ends at 0.5 m. The device has no projector: surfaces need texture, which is not modeled.
+    """
+    return _realsense(width, height, hfov=84.0, baseline=0.018)
+
+
+def gemini_335(width: int = 1280, height: int = 800) -> StereoDepth:
+    """Return an Orbbec Gemini 335: active stereo with a baseline of 50 mm, 90 degrees, 0.17 to 20 m at 1280x800.
+
+    Baseline: ``gemini_335_336.urdf.xacro`` of OrbbecSDK_ROS2 at a7ccc5c4. Field of view (90 by 65 degrees) and range:
+    data sheet, as in CostNav (``depth_sensors_specifications.md`` at 00c5f03b), specified for 0.25 to 6 m. Noise and
+    edges are not published; those of a RealSense are used.
+    """
+    focal, baseline = _focal(width, 90.0), 0.05
+    disparities = _focal(1280, 90.0) * baseline / 0.17
+    sensor = _realsense(width, height, hfov=90.0, baseline=baseline)
+    camera = _camera(width, height, focal, focal * baseline / disparities, 20.0)
+    return dataclasses.replace(sensor, max_disparity=disparities, native_camera=camera)
+
+
+def zed_2i(width: int = 1280, height: int = 720) -> StereoDepth:
+    """Return a Stereolabs ZED 2i with lenses of 2.1 mm: stereo, baseline 120 mm, focal length 533 px, 0.3 to 20 m.
+
+    Focal length: one calibrated device at 1280x720 (``zed2i`` of snail-radar/dataset_tools at 08ecfe1). Baseline:
+    zed-ros2-description at feb4806. Range: Stereolabs' documentation of depth settings. The noise, 0.1 px with a
+    correlation length of 4 px, has no source. The device has no projector: surfaces need texture, which is not modeled.
+    """
+    focal, baseline = _scaled(533.0, 1280, width), 0.12
+    disparities = 533.0 * baseline / 0.3
+    return StereoDepth(
+        baseline,
+        max_disparity=disparities,
+        sigma=0.1,
+        noise_spacing=4,
+        edge_window=5,
+        min_support=0.6,
+        min_signal=_MIN_SIGNAL,
+        full_signal=_FULL_SIGNAL,
+        native_camera=_camera(width, height, focal, focal * baseline / disparities, 20.0),
+    )
 
 
 def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
@@ -191,6 +247,28 @@ def azure_kinect(mode: str = "nfov") -> TimeOfFlight:
     )
 
 
+def femto_bolt(mode: str = "nfov") -> TimeOfFlight:
+    """Return an Orbbec Femto Bolt: an `azure_kinect` with its modes, fields of view and ranges.
+
+    Orbbec specifies them, the random error of 17 mm and the systematic error of 11 mm + 0.1 % as Microsoft does
+    (orbbec.com, "Comparison with Azure Kinect DK").
+    """
+    return azure_kinect(mode)
+
+
+def realsense_l515() -> TimeOfFlight:
+    """Return an Intel RealSense L515: a scanning laser, 1024x768 pixels, 70 by 55 degrees, 0.25 to 9 m.
+
+    Intel's comparison of cameras specifies pixels, field of view, range, and an error of 5 mm to 14 mm from 1 to 9 m:
+    here a standard deviation of 14 mm at 9 m for a white surface at normal incidence, and a wiggle of 5 mm. The device
+    measures with a coded beam. The two frequencies, unambiguous up to 15 m, and the mixing at edges stand for it, and
+    have no source.
+    """
+    camera = (1024, 768, 70.0, 55.0, 0.25, 9.0)
+    dimmest = math.cos(math.radians(80.0)) / 9.0**2
+    return _profile((100e6, 90e6), 0.014 / 9.0, camera, min_signal=dimmest, wiggle=0.005)
+
+
 def kinect_v2() -> TimeOfFlight:
     """Return a Microsoft Kinect of 2013, for Xbox One: 512x424 pixels, 70.6 by 60 degrees, 0.5 to 4.5 m.
 
@@ -234,18 +312,22 @@ def _profile(
 
 
 _VARIABLE_SIZE: dict[str, Callable[[int, int], DepthSensor]] = {
+    "d405": realsense_d405,
     "d415": realsense_d415,
     "d435": realsense_d435,
     "d455": realsense_d455,
+    "d457": realsense_d457,
+    "gemini-335": gemini_335,
+    "zed-2i": zed_2i,
     "oak-d": oak_d,
     "kinect-v1": kinect_v1,
     "structure": structure,
 }
+_AZURE_NAMES = {"": "nfov", "-binned": "nfov_binned", "-wide": "wfov", "-wide-binned": "wfov_binned"}
 _FIXED_SIZE: dict[str, Callable[[], DepthSensor]] = {
-    "azure-kinect": azure_kinect,
-    "azure-kinect-binned": lambda: azure_kinect("nfov_binned"),
-    "azure-kinect-wide": lambda: azure_kinect("wfov"),
-    "azure-kinect-wide-binned": lambda: azure_kinect("wfov_binned"),
+    **{f"azure-kinect{suffix}": partial(azure_kinect, mode) for suffix, mode in _AZURE_NAMES.items()},
+    **{f"femto-bolt{suffix}": partial(femto_bolt, mode) for suffix, mode in _AZURE_NAMES.items()},
+    "l515": realsense_l515,
     "kinect-v2": kinect_v2,
     "flexx2": pmd_flexx2,
 }
@@ -257,9 +339,9 @@ def sensor_by_name(text: str) -> DepthSensor:
     """Create the model of a commercial depth camera from its name.
 
     Args:
-        text: d415, d435, d455, oak-d, kinect-v1 or structure, optionally with a size, ``"d435@424x240"``; azure-kinect,
-            azure-kinect-binned, azure-kinect-wide or azure-kinect-wide-binned; kinect-v2 or flexx2. Names of functions
-            such as ``"realsense_d435"`` are accepted as well.
+        text: d405, d415, d435, d455, d457, gemini-335, zed-2i, oak-d, kinect-v1 or structure, optionally with a size,
+            ``"d435@424x240"``; azure-kinect or femto-bolt, also with -binned, -wide or -wide-binned; l515, kinect-v2 or
+            flexx2. Names of functions such as ``"realsense_d435"`` are accepted as well.
 
     Raises:
         CameraError: If the name is unknown, or if the camera does not have this size. The message suggests similar
