@@ -18,7 +18,7 @@ class MovingRays:
     """Rays of a sensor in its frame, in the order of `RayBundles`."""
 
     directions: wp.array2d[wp.float64]  # (3, rays), of depth 1
-    origins: wp.array2d[wp.float64]  # (3, rays) [m]; None if all are 0
+    origins: wp.array2d[float]  # (3, rays) [m]; None if all are 0
     times: wp.array[wp.float64]  # after the start of the frame [s]
     middles: wp.array[wp.float64]  # (bundles): of their times [s]
     left: wp.array[wp.int32]  # (views), Out: 1 for views that packets cannot cast

@@ -21,12 +21,14 @@
 // Doubles of some lanes: few enough that a ray's numbers stay in registers.
 enum { SOME = 4 };
 typedef double Some __attribute__((ext_vector_type(SOME)));
+typedef float SomeFloats __attribute__((ext_vector_type(SOME)));
 
 // The first terms of the series of S, C and D.
 struct SmallAngle {
     Some sine, cosine, cube;
 
     static constexpr double MAX_SQUARE = 0.25;  // up to here, the terms left out are below 4e-14
+    static constexpr double TINY_SQUARE = 2e-4;  // the same for those that `of_tiny` leaves out
 
     static inline SmallAngle of(Some x) {
         return SmallAngle{
@@ -35,6 +37,25 @@ struct SmallAngle {
             1.0 / 6 - x * (1.0 / 120 - x * (1.0 / 5040 - x * (1.0 / 362880 - x * (1.0 / 39916800)))),
         };
     }
+    static inline SmallAngle of_tiny(Some x) {
+        return SmallAngle{1 - x * (1.0 / 6 - x * (1.0 / 120)), 0.5 - x * (1.0 / 24 - x * (1.0 / 720)),
+                          1.0 / 6 - x * (1.0 / 120)};
+    }
+};
+
+// Poses of a sensor for some rays, in the frame of a reference pose.
+struct RayFrames {
+    Some row[3][3], origin[3];
+
+    static inline RayFrames select(decltype(Some() < Some()) which, const RayFrames& a, const RayFrames& b) {
+        RayFrames mixed;
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) mixed.row[i][j] = which ? a.row[i][j] : b.row[i][j];
+            mixed.origin[i] = which ? a.origin[i] : b.origin[i];
+        }
+        return mixed;
+    }
+    inline Some rotated(int i, const Some* v) const { return row[i][0] * v[0] + row[i][1] * v[1] + row[i][2] * v[2]; }
 };
 
 // A `Leg` of kernels/casting/motions.py: its pose is a function of the share of the leg that has passed.
@@ -126,22 +147,23 @@ struct RelativeLeg {
         }
     }
 
-    // Rays of the sensor frame at their times: `direction` and `origin` are replaced by those in the reference frame.
-    // Null origins are the frame's origin. The greatest square of the angle so far is in `most`.
-    inline void move(Some time, Some* direction, Some* origin, bool has_origin, Some& most) const {
+    // The poses at times, of which the greatest rotation since the base has the square `most`.
+    inline RayFrames at(Some time, double most) const {
         const Some share = (time - base) * rate, x = share * share * square;
-        const SmallAngle small = SmallAngle::of(x);
-        const Some once = share * small.sine, twice = share * share * small.cosine, thrice = share * share * share;
-        most = x > most ? x : most;
-        Some moved[3], from[3];
+        const SmallAngle small = most <= SmallAngle::TINY_SQUARE ? SmallAngle::of_tiny(x) : SmallAngle::of(x);
+        const Some once = share * small.sine, twice = share * share * small.cosine;
+        const Some thrice = share * share * share * small.cube;
+        RayFrames frames;
         for (int i = 0; i < 3; ++i) {
-            Some row[3];
-            for (int j = 0; j < 3; ++j) row[j] = turn[0][i][j] + once * turn[1][i][j] + twice * turn[2][i][j];
-            moved[i] = row[0] * direction[0] + row[1] * direction[1] + row[2] * direction[2];
-            from[i] = path[0][i] + share * path[1][i] + twice * path[2][i] + thrice * small.cube * path[3][i];
-            if (has_origin) from[i] += row[0] * origin[0] + row[1] * origin[1] + row[2] * origin[2];
+            for (int j = 0; j < 3; ++j) frames.row[i][j] = turn[0][i][j] + once * turn[1][i][j] + twice * turn[2][i][j];
+            frames.origin[i] = path[0][i] + share * path[1][i] + twice * path[2][i] + thrice * path[3][i];
         }
-        for (int i = 0; i < 3; ++i) direction[i] = moved[i], origin[i] = from[i];
+        return frames;
+    }
+    // The square of the rotation between the base and a time.
+    inline double square_at(double time) const {
+        const double share = (time - base) * rate;
+        return share * share * square;
     }
 };
 

@@ -13,7 +13,8 @@
 
 // Rays of the sensor frame, in the order of the tree: [coordinate][ray].
 struct TimedRays {
-    const double *direction, *origin;  // of depth 1; null if all origins are 0
+    const double* direction;  // of depth 1
+    const float* origin;  // null if all are 0
     const double* time;  // [ray]
     const double* middle;  // [bundle]: of its times
     long long count;
@@ -28,6 +29,11 @@ struct TimedRays {
         Some value;
         __builtin_memcpy(&value, from, sizeof value);
         return value;
+    }
+    static inline Some some(const float* from) {
+        SomeFloats value;
+        __builtin_memcpy(&value, from, sizeof value);
+        return __builtin_convertvector(value, Some);
     }
 };
 
@@ -75,6 +81,17 @@ struct LaneRange {
     inline float greatest() const { return Lanes::max_of(high); }
 };
 
+// The frames of a packet's rays at their times.
+struct KnownFrames {
+    enum { PARTS = LANES / SOME };
+    Some time[PARTS];
+    RayFrames frames[PARTS];
+
+    inline KnownFrames() {
+        for (Some& unknown : time) unknown = (Some)(__builtin_nan(""));
+    }
+};
+
 // Builds the tree of a bundle in two passes: rays in the reference frame, then their intersections with the plane of
 // the eye, which is chosen in between.
 struct MovingTreeMaker {
@@ -86,8 +103,11 @@ struct MovingTreeMaker {
     LaneRange from[3];  // origins of rays
     LaneRange per_z;  // 1 / z of directions of depth 1
     float eye[3], max_p = 0.0f, max_q = 0.0f, max_origin_z = 0.0f;
-
     enum { MAX_LEGS = 64 };
+    RelativeLeg leg[MAX_LEGS];  // during the times of the rays
+    int legs = 0;
+    double most = 0.0;  // square of the greatest rotation of a leg
+
     static constexpr float MARGIN = 1e-3f;  // of bounds [px]
     static constexpr float MAX_TANGENT = 4.0f;  // of the angle between a ray and the bundle's axis
     // Greatest extent of origins for which packets are faster than single rays [m].
@@ -123,7 +143,7 @@ struct MovingTreeMaker {
                      long long first) {
         double earliest = __builtin_inf(), latest = -__builtin_inf();
         const long long count = (long long)tiles * LANES * LANES;
-        Some low = (Some)(__builtin_inf()), high = -low, most = (Some)(0.0);
+        Some low = (Some)(__builtin_inf()), high = -low;
         for (long long k = 0; k < count; k += SOME) {
             const Some time = TimedRays::some(rays.time + first + k);
             low = time < low ? time : low, high = time > high ? time : high;
@@ -132,42 +152,57 @@ struct MovingTreeMaker {
             earliest = __builtin_fmin(earliest, low[k]);
             latest = __builtin_fmax(latest, high[k]);
         }
-        const int first_leg = path.leg_at(earliest + path.start),
-                  legs = path.leg_at(latest + path.start) - first_leg + 1;
+        const int first_leg = path.leg_at(earliest + path.start);
+        legs = path.leg_at(latest + path.start) - first_leg + 1;
         if (legs > MAX_LEGS) return false;
-        RelativeLeg leg[MAX_LEGS];
         for (int k = 0; k < legs; ++k) leg[k] = path.relative(first_leg + k, middle, reference);
-        for (int packet = 0; packet < tiles * LANES; ++packet)
-            if (has_rays(packet))
-                move_packet(rays, leg, legs, path.start, first + (long long)packet * LANES, packet, most);
-        for (int k = 0; k < SOME; ++k)
-            if (!(most[k] <= SmallAngle::MAX_SQUARE)) return false;
+        for (int k = 0; k < legs; ++k) {
+            const double begin = k == 0 ? earliest + path.start : leg[k].begin;
+            const double end = k + 1 == legs ? latest + path.start : leg[k + 1].begin;
+            most = __builtin_fmax(most, __builtin_fmax(leg[k].square_at(begin), leg[k].square_at(end)));
+        }
+        if (!(most <= SmallAngle::MAX_SQUARE)) return false;
+        KnownFrames known;
+        // Local, because ranges in memory would be updated by masked stores, which are slow.
+        LaneRange places[3], inverses;
+        for (int tile = 0; tile < tiles; ++tile) {
+            const int slots = tile * (LANES * LANES), end = slots + LANES * LANES;
+            for (int k = 0; k < LANES; ++k) {
+                // By columns of packets, whose times are the same if a sensor measures its columns one by one.
+                const int slot =
+                    slots + (k % RayFit::PACKETS_ACROSS * RayFit::PACKETS_ACROSS + k / RayFit::PACKETS_ACROSS) * LANES;
+                if (Lanes::any(has_ray(slot))) move_packet(rays, path.start, first + slot, slot, known);
+            }
+            // Only now, because numbers that were just stored in parts cannot be loaded as a whole without a stall.
+            for (int slot = slots; slot < end; slot += LANES) {
+                const Ints which = has_ray(slot);
+                places[0].add(Lanes::load(tree.p + slot), which), places[1].add(Lanes::load(tree.q + slot), which);
+                places[2].add(Lanes::load(tree.begin + slot), which);
+                inverses.add(Lanes::load(tree.scale + slot), which);
+            }
+        }
+        for (int i = 0; i < 3; ++i) from[i] = places[i];
+        per_z = inverses;
         return true;
     }
-    inline bool has_rays(int packet) const {
-        return Lanes::any(Lanes::load(rest.place + packet * LANES) >= Lanes::all_ints(0));
-    }
-    inline void move_packet(const TimedRays& rays, const RelativeLeg* leg, int legs, double start, long long first,
-                            int packet, Some& most) {
-        const bool has_origin = rays.origin != nullptr;
-        const int slot = packet * LANES;
+    inline Ints has_ray(int slot) const { return Lanes::load(rest.place + slot) >= Lanes::all_ints(0); }
+    // Neighbors often share times.
+    inline void move_packet(const TimedRays& rays, double start, long long first, int slot, KnownFrames& known) {
         for (int part = 0; part < LANES; part += SOME) {
             const long long ray = first + part;
-            const Some time = TimedRays::some(rays.time + ray) + start;
-            Some direction[3], origin[3];
-            load(rays, ray, direction, origin);
-            leg[0].move(time, direction, origin, has_origin, most);
-            for (int k = 1; k < legs; ++k) {
-                const auto later = time >= leg[k].begin;
-                if (!__builtin_reduce_or(later)) break;
-                Some other[3], other_origin[3];
-                load(rays, ray, other, other_origin);
-                // Rays of other legs must not count as large angles.
-                leg[k].move(later ? time : (Some)(leg[k].base), other, other_origin, has_origin, most);
-                for (int i = 0; i < 3; ++i) {
-                    direction[i] = later ? other[i] : direction[i];
-                    origin[i] = later ? other_origin[i] : origin[i];
-                }
+            const Some time = TimedRays::some(rays.time + ray);
+            Some& known_time = known.time[part / SOME];
+            RayFrames& frames = known.frames[part / SOME];
+            if (__builtin_reduce_or(time != known_time)) {
+                known_time = time;
+                frames = frames_at(time + start);
+            }
+            Some along[3], direction[3], origin[3];
+            for (int i = 0; i < 3; ++i) along[i] = TimedRays::some(rays.direction + i * rays.count + ray);
+            for (int i = 0; i < 3; ++i) direction[i] = frames.rotated(i, along), origin[i] = frames.origin[i];
+            if (rays.origin) {
+                for (int i = 0; i < 3; ++i) along[i] = TimedRays::some(rays.origin + i * rays.count + ray);
+                for (int i = 0; i < 3; ++i) origin[i] += frames.rotated(i, along);
             }
             const Some inverse = 1.0 / direction[2], exact_u = focal * direction[0] * inverse,
                        exact_v = focal * direction[1] * inverse;
@@ -177,23 +212,21 @@ struct MovingTreeMaker {
             put(tree.p + slot + part, origin[0]), put(tree.q + slot + part, origin[1]);
             put(tree.begin + slot + part, origin[2]);
         }
-        const Ints has_ray = Lanes::load(rest.place + slot) >= Lanes::all_ints(0);
-        from[0].add(Lanes::load(tree.p + slot), has_ray), from[1].add(Lanes::load(tree.q + slot), has_ray);
-        from[2].add(Lanes::load(tree.begin + slot), has_ray);
-        per_z.add(Lanes::load(tree.scale + slot), has_ray);
     }
     // Store numbers in single precision; returns the rounded ones.
     static inline Some put(float* to, Some value) {
-        typedef float Rounded __attribute__((ext_vector_type(SOME)));
-        const Rounded rounded = __builtin_convertvector(value, Rounded);
+        const SomeFloats rounded = __builtin_convertvector(value, SomeFloats);
         __builtin_memcpy(to, &rounded, sizeof rounded);
         return __builtin_convertvector(rounded, Some);
     }
-    static inline void load(const TimedRays& rays, long long ray, Some* direction, Some* origin) {
-        for (int i = 0; i < 3; ++i) {
-            direction[i] = TimedRays::some(rays.direction + i * rays.count + ray);
-            origin[i] = rays.origin ? TimedRays::some(rays.origin + i * rays.count + ray) : (Some)(0.0);
+    inline RayFrames frames_at(Some time) const {
+        RayFrames frames = leg[0].at(time, most);
+        for (int k = 1; k < legs; ++k) {
+            const auto later = time >= leg[k].begin;
+            if (!__builtin_reduce_or(later)) break;
+            frames = RayFrames::select(later, leg[k].at(time, most), frames);
         }
+        return frames;
     }
 
     // Second pass.

@@ -130,9 +130,10 @@ def prepare_moving_rays(camera: AnyCamera) -> PreparedMovingRays:
         # Lanes without a ray point forward, so that no number is infinite.
         forward = [component(np.eye(3), axes[2])] * len(pixel)
         directions[:, slots] = np.where(pixel >= 0, camera.rays.reshape(-1, 3)[pixel].T, np.transpose(forward))
-    arrays = {"directions": directions, "times": moments, "middles": middles}
-    if origins is not None:
-        arrays["origins"] = np.where(place >= 0, origins.reshape(-1, 3)[place].T, 0.0)
-    for name, array in arrays.items():
+    for name, array in (("directions", directions), ("times", moments), ("middles", middles)):
         setattr(struct, name, wp.array(array, dtype=wp.float64, device="cpu"))
+    if origins is not None:
+        struct.origins = wp.array(
+            np.where(place >= 0, origins.reshape(-1, 3)[place].T, 0.0), dtype=wp.float32, device="cpu"
+        )
     return PreparedMovingRays(prepared, struct)
