@@ -344,6 +344,20 @@ def test_livox_frames_continue_the_pattern(tmp_path, file):
     np.testing.assert_allclose(np.hypot(*turn[:2]), c, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("model", "rate", "ends"),
+    [("mid360", 200_000, (0.1, 70)), ("HAP", 452_000, (0.5, 150)), ("avia", 240_000, (0, math.inf))],
+)
+def test_livox_rates_and_ranges_match_specifications(tmp_path, model, rate, ends):
+    np.save(tmp_path / "a.npy", np.zeros((50_000, 2), dtype=np.float32))
+    pattern = lidars.livox(model, tmp_path / "a.npy")
+    frame = pattern.frame(3)
+    assert len(frame) * 10 == rate and (frame.near, frame.far) == ends
+    assert frame.times.min() == 0 and frame.times.max() < 0.1
+    limited = pattern.frame(near=1.0, far=2.0)
+    assert (limited.near, limited.far) == (1.0, 2.0)
+
+
 def test_livox_matches_installed_mujoco_lidar():
     pytest.importorskip("mujoco_lidar")
     from mujoco_lidar.scan_gen import LivoxGenerator

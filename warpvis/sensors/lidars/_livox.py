@@ -20,18 +20,19 @@ from warpvis.core.numpy_files import read_array
 from warpvis.errors import CameraError, FileFormatError
 from warpvis.sensors.lidars._plain import check_positive, directions_at
 
-# Samples per second, and number of lasers, which fire in turn. Sources: HAP user manual, table 1.2.1 (samples of HAP);
-# livox_ros_driver2, src/comm/comm.h (lines of HAP and Mid-360); livox_ros_driver, lds.h (the rest). The sample rate of
-# the Mid-360 has not been checked against a Livox source. The patterns agree with the number of lines: consecutive
-# samples of one line are close to each other.
-_MODELS = {
-    "mid360": (200_000, 4),
-    "avia": (240_000, 6),
-    "horizon": (240_000, 6),
-    "tele": (240_000, 6),
-    "mid40": (100_000, 1),
-    "mid70": (100_000, 1),
-    "HAP": (452_000, 6),
+# Samples per second, number of lasers, which fire in turn, and minimum and maximum range [m]. Sources: HAP user manual,
+# table 1.2.1 (samples and range of HAP, at 10 % reflectivity); livoxtech.com's specification of the Mid-360, as in
+# ku-gcl/lidar_sim_pkg (samples and range, at 80 %); livox_ros_driver2, src/comm/comm.h (lines of HAP and Mid-360);
+# livox_ros_driver, lds.h (the rest). Ranges of the others have not been found. The patterns agree with the number of
+# lines: consecutive samples of one line are close to each other.
+_MODELS: dict[str, tuple[int, int, float, float]] = {
+    "mid360": (200_000, 4, 0.1, 70.0),
+    "avia": (240_000, 6, 0.0, math.inf),
+    "horizon": (240_000, 6, 0.0, math.inf),
+    "tele": (240_000, 6, 0.0, math.inf),
+    "mid40": (100_000, 1, 0.0, math.inf),
+    "mid70": (100_000, 1, 0.0, math.inf),
+    "HAP": (452_000, 6, 0.5, 150.0),
 }
 _HEADER = "Time/s,Azimuth/deg,Zenith/deg"
 
@@ -48,6 +49,10 @@ class Livox:
     """Number of samples per second."""
     lines: int = 1
     """Number of lasers, which take samples in turn."""
+    near: float = 0.0
+    """Minimum range of the device [m]."""
+    far: float = math.inf
+    """Maximum range of the device [m]."""
 
     def frame(
         self,
@@ -55,8 +60,8 @@ class Livox:
         *,
         rate: float = 10.0,
         samples: int | None = None,
-        near: float = 0.0,
-        far: float = math.inf,
+        near: float | None = None,
+        far: float | None = None,
     ) -> Rays:
         """Return the rays of a frame: the samples that follow those of the previous frame, cyclically.
 
@@ -64,8 +69,8 @@ class Livox:
             index: Number of the frame, starting at 0.
             rate: Frames per second.
             samples: Number of samples per frame; by default ``samples_per_second / rate``, rounded down.
-            near: Minimum measured range [m].
-            far: Maximum measured range [m].
+            near: Minimum measured range [m]; by default that of the device.
+            far: Maximum measured range [m]; by default that of the device.
 
         Returns:
             Rays of shape ``(samples,)``, x forward, y left, z up, with times evenly spread over the frame. Rings are
@@ -81,6 +86,7 @@ class Livox:
         indices = (index * samples % len(self.azimuth) + np.arange(samples)) % len(self.azimuth)
         directions = directions_at(self.azimuth[indices], self.elevation[indices])
         times = np.arange(samples) / (samples * rate)
+        near, far = self.near if near is None else near, self.far if far is None else far
         return Rays(directions, times=times, rings=indices % self.lines, near=near, far=far, axes="ros_body")
 
 
@@ -94,7 +100,8 @@ def livox(model: str, path: str | os.PathLike[str] | None = None) -> Livox:
             wheel, which must be installed then.
 
     Returns:
-        The pattern; `Livox.frame` returns the rays of a frame.
+        The pattern; `Livox.frame` returns the rays of a frame. A Mid-360 measures 0.1 to 70 m and a HAP 0.5 to 150 m;
+        the range of the others is not limited.
 
     Raises:
         CameraError: If `model` is unknown, or if no file is given and mujoco-lidar is not installed.
