@@ -75,6 +75,32 @@ def test_moving_lidar(folder, monkeypatch, capsys, lidar):
         assert errors[0] > 0.5 and errors[1] < 1e-5
 
 
+@pytest.mark.parametrize("poses", [("walk.txt",), ("drive.txt", "--moving")], ids=["still", "moving"])
+def test_noise_of_lidars(folder, monkeypatch, poses):
+    np.savetxt("drive.txt", [[1e3 + t, t, 0, 0, 0, 0, 0, 1] for t in (0.0, 0.06, 0.12, 0.18)])
+    clouds = {}
+    for name, noise in {
+        "exact": (),
+        "mine": ("--sensor-seed", "2"),
+        "again": ("--sensor-seed", "2"),
+        "other": (),
+    }.items():
+        if name != "exact":
+            noise = ("--lidar-noise", "sigma=0.02,dropout=0.25,detection_range=4", "reflectivity=0.5", *noise)
+        render(monkeypatch, "--lidar", "vlp16", "--poses", *poses, "--format", "npy", "--quiet", *noise)
+        clouds[name] = [np.load(path) for path in sorted((folder / "scans/npy").iterdir())]
+        (folder / "scans").rename(folder / name)
+    assert len(clouds["mine"]) == 2
+    for exact, mine, again, other in zip(*clouds.values(), strict=True):
+        np.testing.assert_array_equal(again, mine)
+        assert abs(len(mine) / len(exact) - 0.75) < 0.02 and len(other) != len(mine)
+        rays = {(ray["ring"], ray["time"]): ray["range"] for ray in exact}
+        error = np.array([ray["range"] - rays[ray["ring"], ray["time"]] for ray in mine])
+        assert abs(error.std() / 0.02 - 1) < 0.05 and abs(error.mean()) < 0.001
+    first, second = clouds["mine"]
+    assert len(first) != len(second)  # frames have distinct noise
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -83,6 +109,19 @@ def test_moving_lidar(folder, monkeypatch, capsys, lidar):
         (("--lidar", "vlp16", "--poses", "walk.txt", "--camera", "kinect"), "no camera is rendered: give no --camera"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--format", "png"), "--format with --lidar must be .* got 'png'"),
         (("--poses", "walk.txt", "--moving"), "--moving requires --lidar"),
+        (("--poses", "walk.txt", "--lidar-noise", "sigma=1"), "--lidar-noise requires --lidar"),
+        (
+            ("--lidar", "vlp16", "--poses", "walk.txt", "--sensor-seed", "1"),
+            "without --lidar-noise, give no --sensor-se",
+        ),
+        (
+            ("--lidar", "vlp16", "--poses", "walk.txt", "--lidar-noise", "noise=1"),
+            "--lidar-noise takes each NAME=NUMBER once, of .*sigma.*, got 'noise=1'",
+        ),
+        (
+            ("--lidar", "vlp16", "--poses", "walk.txt", "--lidar-noise", "rain=1"),
+            "detection_range must be a number of m",
+        ),
         (
             ("--lidar", "vlp16", "--poses", "back.txt", "--moving"),
             "timestamps that increase from pose to pose",

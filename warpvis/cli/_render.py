@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -27,10 +27,11 @@ from warpvis.cli._inputs import (
     split_names,
     viewpoint_options,
 )
+from warpvis.cli._lidars import choose_turns, find_lidar, parse_noise
 from warpvis.cli._output import make_folder, with_help
 from warpvis.core.checks import check_choice, pluralize
 from warpvis.core.file_content import writing
-from warpvis.errors import CameraError, FileFormatError, PoseError, SceneError
+from warpvis.errors import FileFormatError, PoseError, SceneError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,8 +40,10 @@ if TYPE_CHECKING:
     from warpvis.batch import Format, FrameDataset
     from warpvis.cameras import ImageCamera, Rays
     from warpvis.cameras.frames import Frames
+    from warpvis.cameras.pinhole import Camera
     from warpvis.rendering import Output
     from warpvis.scene import Scene
+    from warpvis.sensors import LidarNoise
     from warpvis.sensors.lidars import Livox
     from warpvis.webots import Device, Lidar, WebotsWorld
 
@@ -52,7 +55,7 @@ _CLOUD_FORMATS = ("bin", "pcd", "ply", "las", "npy")
 
 _CLOUD_OUTPUTS: tuple[Output, ...] = ("depth", "labels", "segmentation")
 _RAYS_AT_ONCE = 2**22
-_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "objects", *_IMAGES, *color_options)
+_NOT_OF_LIDARS = ("camera", "replace_camera", "convention", "objects", "outputs", "option", "sensor", "sensor_vary")
 _OF_DEVICES = ("device_name", "version_exact")
 
 _PREVIEWS, _SHEET = "preview", "contact_sheet.png"
@@ -81,6 +84,9 @@ class Render(ImageOptions):
     """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, vls128, pandar64, xt32, qt128,
     at128, bpearl, rplidar-a1 to -a3, os1-128, -64-u or -32 and others of Ouster, an Ouster metadata file (.json), or
     mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
+    lidar_noise: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE,...")] = ()
+    """With --lidar: its noise, by parameters of warpvis.sensors.LidarNoise that are numbers, such as
+    sigma=0.02,dropout=0.01,detection_range=40. --sensor-seed is the seed of the random numbers."""
     moving: bool = False
     """With --lidar: move the lidar along the poses, by their timestamps, while it measures. Renders one cloud per pose
     from which a whole revolution fits, as measured: each point is in the lidar's frame at its time."""
@@ -99,6 +105,8 @@ class Render(ImageOptions):
             self._render_clouds(self.lidar)
         elif self.moving:
             raise PoseError("--moving requires --lidar")
+        elif self.lidar_noise:
+            raise PoseError("--lidar-noise requires --lidar")
         elif self.poses is not None or self.frame:
             refuse_options(self, _OF_DEVICES, "with --poses or --frame no device is rendered: give")
             self._render_poses(self.poses)
@@ -170,7 +178,11 @@ class Render(ImageOptions):
         from warpvis.io import save_clouds
         from warpvis.pose_generators import looks_like_spec
 
-        refuse_options(self, (*_NOT_OF_LIDARS, *_OF_DEVICES), "with --lidar no camera is rendered: give")
+        refused = (*_NOT_OF_LIDARS, *color_options, *_OF_DEVICES)
+        refuse_options(self, refused, "with --lidar no camera is rendered: give")
+        if not self.lidar_noise:
+            refuse_options(self, ("sensor_seed",), "without --lidar-noise, give")
+        noise = parse_noise(self.lidar_noise)
         if self.poses is None:
             raise PoseError("give --poses with --lidar, a file of the lidar's poses: x forward, y left, z up")
         if looks_like_spec(self.poses):
@@ -187,9 +199,9 @@ class Render(ImageOptions):
         scene, _, frames = self.load(self.file, self.poses, device=self.device)
         if frames.camera is not None:
             raise PoseError(f"{self.poses} contains a camera's poses, but a lidar's are x forward, y left, z up")
-        turns = len(_turns(frames, lidar)) if self.moving else len(frames)
+        turns = len(choose_turns(frames, lidar)) if self.moving else len(frames)
         began, points = time.perf_counter(), 0
-        for place, cloud in enumerate(self._clouds(scene, frames, lidar, turns)):
+        for place, cloud in enumerate(self._clouds(scene, frames, lidar, turns, noise)):
             points += len(cloud)
             for kind in formats:
                 save_clouds(self.out / kind, [cloud], f".{kind}", first=place)
@@ -201,13 +213,23 @@ class Render(ImageOptions):
             )
         self.end(empty=not points)
 
-    def _clouds(self, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int) -> Iterator[np.ndarray]:
+    def device_camera(self) -> Camera | None:
+        """Return the sensor's camera; a lidar has none."""
+        return super().device_camera() if self.lidar is None else None
+
+    def _clouds(
+        self, scene: Scene, frames: Frames, lidar: Rays | Livox, turns: int, noise: LidarNoise | None
+    ) -> Iterator[np.ndarray]:
         """Render the clouds in batches; a Livox has different rays in every frame."""
+        import numpy as np
+
         from warpvis.cameras import Rays
         from warpvis.rendering import Renderer
-        from warpvis.sensors import Motion, point_clouds
+        from warpvis.sensors import Motion, gather_returns, measure_incidence, point_clouds, reflect
 
-        prepare = partial(Renderer, scene, outputs=_CLOUD_OUTPUTS, threads=self.threads)
+        outputs = (*_CLOUD_OUTPUTS, "normals") if noise and self.moving else _CLOUD_OUTPUTS
+        sensor = None if self.moving else noise
+        prepare = partial(Renderer, scene, outputs=outputs, threads=self.threads, sensor=sensor, seed=self.sensor_seed)
         renderer, step = None, 1
         if isinstance(lidar, Rays):
             renderer, step = prepare(lidar), max(_RAYS_AT_ONCE // len(lidar), 1)
@@ -215,12 +237,23 @@ class Render(ImageOptions):
             part = frames[first : min(first + step, turns)]
             rays = lidar if isinstance(lidar, Rays) else lidar.frame(first)
             moves = self.moving and Motion(frames.camera_to_world, frames.timestamps, starts=part.timestamps)
+            # Random numbers must not depend on the size of batches.
+            numbers: dict[str, Any] = {
+                "frame": np.arange(first, first + len(part)),
+                "view_index": np.zeros(len(part), dtype=np.int64),
+            }
             views = (renderer or prepare(rays)).render(
                 moves or part.camera_to_world,
                 object_poses=part.object_poses,
                 world_index=part.world_index,
                 exclude=split_names(self.exclude) or None,
+                **(numbers if sensor else {}),
             )
+            if noise and moves:
+                incidence = measure_incidence(views, rays, moves)
+                exact = gather_returns(views.depth, reflect(scene, views, incidence, noise.reflectivity), 1)
+                measured = noise.apply(exact, rays, seed=self.sensor_seed, **numbers, out=exact)
+                views.depth = measured.range.reshape(views.depth.shape)
             yield from point_clouds(views, rays)
 
     def _render_poses(self, poses: str | None) -> None:
@@ -280,56 +313,6 @@ class Render(ImageOptions):
         for picture in (self.out / _PREVIEWS, self.out / _SHEET):
             if self.pictures and picture.exists():
                 raise FileFormatError(f"{picture}: exists already, from another run; give a new or empty folder")
-
-
-def find_lidar(name: str) -> Rays | Livox:
-    """Return a lidar by name, Ouster metadata file, or Livox name with its file, ``mid360:FILE``."""
-    from warpvis.sensors import lidars
-
-    spinning: dict[str, Callable[[], Rays]] = {
-        "vlp16": lidars.vlp16,
-        "vlp32c": lidars.vlp32c,
-        "hdl32e": lidars.hdl32e,
-        "hdl64e": lidars.hdl64e,
-        "vls128": lidars.vls128,
-        "pandar64": lidars.pandar64,
-        "xt32": lidars.xt32,
-        "qt128": lidars.qt128,
-        "at128": lidars.at128,
-        "bpearl": lidars.bpearl,
-    }
-    plain = name.lower().replace("-", "")
-    if plain in spinning:
-        return spinning[plain]()
-    if plain.startswith("rplidar"):
-        return lidars.rplidar(plain.removeprefix("rplidar"))
-    model, mode = (name.partition("@")[0], name.partition("@")[2] or None)
-    if model.lower().endswith(".json") or plain.startswith("os"):
-        return lidars.ouster(model, mode)
-    livox, _, file = name.partition(":")
-    if livox.lower().replace("-", "") in ("mid360", "avia", "horizon", "tele", "mid40", "mid70", "hap"):
-        return lidars.livox(livox, file or None)
-    raise CameraError(
-        f"--lidar must be {', '.join(spinning)}, rplidar-a2, os1-128 or the metadata of an Ouster (with @1024x10 for a "
-        f"mode), or mid360:FILE, got {name!r}"
-    )
-
-
-def _turns(frames: Frames, lidar: Rays | Livox) -> Frames:
-    """Return the frames from which a whole revolution ends before the last pose."""
-    import numpy as np
-
-    from warpvis.cameras import Rays
-
-    rays = lidar if isinstance(lidar, Rays) else lidar.frame(0)
-    if rays.times is None:
-        raise CameraError(f"--moving requires a lidar whose rays have times, and {type(rays).__name__} have none")
-    if not (np.diff(frames.timestamps) > 0).all():
-        raise PoseError("--moving requires timestamps that increase from pose to pose")
-    lasts, known = float(rays.times.max()), float(frames.timestamps[-1] - frames.timestamps[0])
-    if known < lasts:
-        raise PoseError(f"--moving requires poses for a revolution of the lidar, {lasts:.6g} s, got {known:.6g} s")
-    return frames[: int(np.searchsorted(frames.timestamps, frames.timestamps[-1] - lasts, side="right"))]
 
 
 def _write_pictures(dataset: FrameDataset, out: Path) -> str:
