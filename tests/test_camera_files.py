@@ -231,7 +231,10 @@ BAD = {
     "no size": (lambda p: put(p / "t.json", {"fl_x": 60.0, "frames": []}), "but not the image size, w and h .px., and"),
     "no focal length": (lambda p: put(p / "t.json", {"w": 64, "frames": []}), r"defines no focal length: fl_x \[px\]"),
     "words": (lambda p: put(p / "t.json", NERF | {"fl_x": "long"}), r"t\.json: fl_x must be"),
-    "negative": (lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}), "fx of a lens must be a number above 0, got -60"),
+    "negative": (
+        lambda p: put(p / "t.json", NERF | {"fl_x": -60.0}),
+        "fx of a lens must be a number of pixels above 0, got -60",
+    ),
     "half a pixel": (lambda p: put(p / "t.json", NERF | {"w": 64.5}), "width must be a whole number of pixels"),
     "no yaml": (lambda p: put(p / "eye.yaml", "a: [1"), r"eye\.yaml: is not YAML"),
     "a list": (lambda p: put(p / "eye.yaml", "[1, 2]"), "a camera file holds one YAML mapping, got list"),

@@ -326,7 +326,7 @@ def test_calibration_text_takes_size_from_adjacent_image(tmp_path):
         ("52 50", "calibration.txt:1: expected fx fy cx cy, or those and k1 k2 p1 p2 k3, got '52 50'"),
         ("# nothing", "expected fx fy cx cy, or those and k1 k2 p1 p2 k3, and holds no numbers"),
         ("wide 50 31 23", "calibration.txt:1: expected fx fy"),
-        ("-52 50 31.5 23.5", "focal lengths must be positive|fx of a lens must be a number above 0"),
+        ("-52 50 31.5 23.5", "focal lengths must be positive|fx of a lens must be a number of pixels above 0"),
     ):
         file.write_text(text)
         for distortion in (False, True):
@@ -340,13 +340,14 @@ BAD = {
         {"lens": LENS | {"model": "Fish"}},
         "model of a lens must be one of Cylindrical, Division, .*, got 'Fish'",
     ),
+    "listed model": ({"lens": LENS | {"model": [1]}}, r"model of a lens must be one of .*, got \[1\]"),
     "no model": ({"lens": {}}, "model of a lens must be one of"),
     "missing": ({"lens": {"model": "EUCM", "fx": 3}}, "EUCM needs the parameters fx, fy, cx, cy, alpha, beta, got fx"),
     "more": (
         {"lens": LENS | {"k9": 1}},
         "unknown k9 of a lens; the fields of OpenCVPinhole are fx, fy, cx, cy, coefficients",
     ),
-    "words": ({"lens": LENS | {"fx": "long"}}, "fx of a lens must be a number above 0, got 'long'"),
+    "words": ({"lens": LENS | {"fx": "long"}}, "fx of a lens must be a number of pixels above 0, got 'long'"),
     "count": (
         {"lens": LENS | {"coefficients": [1]}},
         "coefficients of OpenCVPinhole must be 4, 5, 8, 12 or 14 numbers, got 1",

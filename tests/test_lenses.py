@@ -247,7 +247,7 @@ BAD = {
     ),
     "nan": (lambda: lenses.OpenCVPinhole(*INTRINSICS, (math.nan, 0, 0, 0)), "must be finite numbers, got nan"),
     "words": (lambda: lenses.KannalaBrandt(*INTRINSICS, ("a", 0, 0, 0)), "must be finite numbers, got 'a'"),
-    "focal": (lambda: lenses.FOV(0, 1, 2, 3, 0.9), "fx of a lens must be a number above 0, got 0"),
+    "focal": (lambda: lenses.FOV(0, 1, 2, 3, 0.9), "fx of a lens must be a number of pixels above 0, got 0"),
     "omega": (lambda: lenses.FOV(1, 1, 2, 3, 4), "omega of a lens must be between -pi and pi radians"),
     "alpha": (lambda: lenses.EUCM(1, 1, 2, 3, 1.5), "alpha of a lens must be from 0 to 1"),
     "xi": (lambda: lenses.DoubleSphere(1, 1, 2, 3, -2, 0.5), "xi of a double sphere must be above -1"),
@@ -343,6 +343,11 @@ def test_unsupported_colmap_models_are_rejected():
     for name in ("opencv 12", "double sphere", "ftheta", "cylindrical"):
         with pytest.raises(CameraError, match="COLMAP has no camera model for"):
             lens_to_colmap(LENSES[name])
+
+
+def test_coefficients_that_overflow_leave_no_ray():
+    lens = lenses.OpenCVPinhole(*F, (-0.2, 0.05, 0.001, -1e308))
+    assert np.isnan(lens.unproject(PIXELS)).any(-1).mean() > 0.9
 
 
 def test_directions_are_cached_and_read_only():

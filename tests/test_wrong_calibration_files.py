@@ -105,7 +105,7 @@ WRONG = {
     "camodocal, no size": (changed("MEI", ("image_height", "rows")), r"image_height \[px\] is missing"),
     "camodocal, no focal length": (
         changed("KANNALA_BRANDT", (f"mu: {60:.16e}", "mu: 0")),
-        "fx of a lens must be a number above 0, got 0.0",
+        "fx of a lens must be a number of pixels above 0, got 0.0",
     ),
     "camodocal, sign": (
         changed("SCARAMUZZA", (f"p0: {-60:.16e}", "p0: 60.0")),
@@ -132,7 +132,7 @@ WRONG = {
     "orb, no camera": (changed("Rectified", ("Camera1.fx", "fx")), r"Camera1\.fx \[px\] is missing"),
     "orb, negative": (
         changed("Rectified", ("fx: 60.0", "fx: -60.0")),
-        "fx of a lens must be a number above 0, got -60",
+        "fx of a lens must be a number of pixels above 0, got -60",
     ),
     "basalt, model": (
         changed("ds", (("value0", "intrinsics", 0, "camera_type"), "cylinder")),

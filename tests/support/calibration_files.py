@@ -70,6 +70,7 @@ def orb_slam(model, *parameters, names="k1 k2 p1 p2", second=None, prefix="Camer
         f"Stereo.T_c1_c2: {matrix}",
         "Camera.width: 64",
         "Camera.height: 48",
+        "Viewer.PointSize:2",
         "Camera.newWidth: 32",
         "Camera.fps: 20",
     ]

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ from warpvis.errors import FileFormatError
 if TYPE_CHECKING:
     from warpvis.core.types import Json
 
+_OPENCV_DIRECTIVE = "%YAML:1.0"
 _GIT_LFS = b"version https://git-lfs.github.com/spec/"
 _PAGES = (b"<!doctype html", b"<html")
 _IMAGES = {
@@ -129,8 +131,11 @@ def load_yaml(path: Path) -> object:
     except ImportError:
         raise FileFormatError(f"{path}: reading YAML requires ruamel.yaml: pip install 'warpvis[ros]'") from None
     try:
-        # OpenCV's files begin with a directive that is not valid YAML, and use a nonstandard tag.
-        text = path.read_text(encoding="utf-8-sig").removeprefix("%YAML:1.0").replace("!!opencv-matrix", "")
+        # OpenCV's files begin with a directive that is not valid YAML, and use a nonstandard tag. OpenCV also accepts
+        # keys without a space after the colon, which files of ORB-SLAM2 have.
+        text = path.read_text(encoding="utf-8-sig").replace("!!opencv-matrix", "")
+        if text.startswith(_OPENCV_DIRECTIVE):
+            text = re.sub(r"^( *[A-Za-z][\w.]*):(?=[^\s/])", r"\1: ", text.removeprefix(_OPENCV_DIRECTIVE), flags=re.M)
         return YAML(typ="safe", pure=True).load(text)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None

@@ -172,6 +172,8 @@ class BentLens(RadialLens):
             bent = self._bend(radius * np.cos(azimuth), radius * np.sin(azimuth))
         rim = np.where(self._has_rim | (self._turning_angles < self._limit), np.hypot(bent.x, bent.y), 1e300)
         finite = np.isfinite(rim)
+        if not finite.any():  # coefficients that overflow
+            return np.zeros(1), np.full(1, 1e300)
         return np.arctan2(bent.y, bent.x)[finite], rim[finite]
 
     def _is_injective(self, x: Floats, y: Floats) -> NDArray[np.bool_]:

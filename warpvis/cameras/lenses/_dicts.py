@@ -39,7 +39,7 @@ def lens_from_dict(values: object) -> Lens:
     parameters = dict(check_mapping(values, "lens", CameraError))
     model = parameters.pop("model", None)
     models = dict(_models(Lens))
-    if model not in models:
+    if not isinstance(model, str) or model not in models:
         known = sorted(name for name in models if ":" not in name)
         if not isinstance(model, str) or ":" not in model:
             raise CameraError(f"model of a lens must be one of {', '.join(known)}, got {truncate(repr(model))}")

@@ -260,7 +260,7 @@ def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str]
             value = check_coefficients(value, type(lens).__name__, counts)
         else:
             if not is_number(value) or not math.isfinite(value) or (field.name in positive and value <= 0):
-                expected = "a number above 0" if field.name in positive else "a finite number"
+                expected = "a number of pixels above 0" if field.name in positive else "a finite number"
                 raise CameraError(f"{field.name} of a lens must be {expected}, got {value!r}")
             value = float(value)
         object.__setattr__(lens, field.name, value)

@@ -65,8 +65,8 @@ _ORB_SLAM = {
     "Rectified": _Model(_FOCAL, _pinhole),
     "KannalaBrandt8": _Model(f"{_FOCAL} k1 k2 k3 k4", _kannala_brandt),
 }
-_ORB_SLAM_PREFIXES = ("Camera1", "Camera2", "Camera")
-"""Beginnings of keys; the last one is that of ORB-SLAM2 and old files of ORB-SLAM3."""
+_ORB_SLAM_PREFIXES = ("Camera1", "Camera", "Camera2")
+"""Beginnings of keys; the second one is that of ORB-SLAM2 and old files of ORB-SLAM3."""
 
 _BASALT = {
     "pinhole": _Model(_FOCAL, _pinhole),
@@ -87,7 +87,7 @@ def is_camodocal(data: Mapping[str, Any]) -> bool:
 def camodocal_camera(path: Path, data: Mapping[str, Any], name: str, *, distortion: bool) -> ImageCamera:
     """Read a camera of camodocal, which VINS-Fusion uses."""
     if "model_type" not in data:
-        files = [str(data[key]) for key in ("cam0_calib", "cam1_calib") if key in data]
+        files = dict.fromkeys(str(data[key]) for key in ("cam0_calib", "cam1_calib") if key in data)
         raise FileFormatError(f"{path}: holds no camera but names the files {' and '.join(files)}; give one of these")
     only_camera(path, name)
     groups = [data[group] for group in _CAMODOCAL_GROUPS if isinstance(data.get(group), dict)]
