@@ -64,7 +64,7 @@ from reference_comparison import compare_depth  # noqa: F401
 from reference_corruptions import corrupt_depth, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401
 from reference_edges import average_samples, list_edges, place_samples  # noqa: F401
-from reference_fattening import fatten_surfaces, find_nearest_in_rows  # noqa: F401
+from reference_fattening import fatten_surfaces  # noqa: F401
 from reference_floor_map import finish_map, mark_cells  # noqa: F401
 from reference_found import find_objects_cuda, sort_into_tiles  # noqa: F401
 from reference_fractions import (  # noqa: F401

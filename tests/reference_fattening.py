@@ -1,37 +1,36 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Double-precision references of `kernels.sensors.fattening`: every pixel scans its whole window."""
+"""Double-precision reference of `kernels.sensors.fattening`: pixels scan their windows of the row, then the column."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-
-
-def find_nearest_in_rows(true_depth: NDArray, reach: int) -> NDArray[np.float64]:
-    """Return the smallest depth within `reach` pixels in the same row, (V, H, W)."""
-    beside = np.pad(true_depth.astype(np.float64), ((0, 0), (0, 0), (reach, reach)), constant_values=np.inf)
-    return sliding_window_view(beside, 2 * reach + 1, axis=2).min(axis=-1)
 
 
 def fatten_surfaces(
     true_depth: NDArray, scale: float, step: float, reach: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the index of the pixel shown by each pixel (V, H, W), and the margin [px] of its decision."""
-    height, width = true_depth.shape[1:]
-    disparity = scale / true_depth.astype(np.float64)
-    y, x = np.mgrid[:height, :width]
-    shown = np.broadcast_to(y * width + x, true_depth.shape).copy()
-    closest, margin = np.full(true_depth.shape, np.inf), np.full(true_depth.shape, np.inf)
-    for down in range(-reach, reach + 1):
-        for across in range(-reach, reach + 1):
-            row, column = y + down, x + across
-            inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-            row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
-            apart = np.where(inside, disparity[:, row, column] - disparity, -np.inf)
-            margin = np.minimum(margin, np.abs(apart - step))
-            taken = (apart >= step) & (down**2 + across**2 < closest)
-            shown = np.where(taken, row * width + column, shown)
-            closest = np.where(taken, down**2 + across**2, closest)
+    """Return the index of the pixel shown by each pixel (V, H, W), and the margin [px] of its decisions."""
+    views, height, width = true_depth.shape
+    shown = np.broadcast_to(np.arange(height * width).reshape(height, width), true_depth.shape)
+    disparity, margin = scale / true_depth.astype(np.float64), np.full(true_depth.shape, np.inf)
+    for axis in (2, 1):
+        closest, found = np.full(true_depth.shape, np.inf), shown
+        seen_margin = margin
+        for lag in range(-reach, reach + 1):
+            places = np.arange(true_depth.shape[axis]) + lag
+            inside = (places >= 0) & (places < true_depth.shape[axis])
+            inside = inside if axis == 2 else inside[:, None]
+            places = np.clip(places, 0, true_depth.shape[axis] - 1)
+            in_front = np.where(inside, np.take(disparity, places, axis) - disparity, -np.inf)
+            taken = (in_front >= step) & (abs(lag) < closest)
+            found = np.where(taken, np.take(shown, places, axis), found)
+            closest = np.where(taken, abs(lag), closest)
+            seen_margin = np.minimum(seen_margin, np.minimum(np.abs(in_front - step), np.take(margin, places, axis)))
+        shown, margin = found, seen_margin
+        disparity = np.take_along_axis(
+            scale / true_depth.astype(np.float64).reshape(views, -1), shown.reshape(views, -1), 1
+        )
+        disparity = disparity.reshape(true_depth.shape)
     return shown, margin

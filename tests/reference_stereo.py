@@ -171,7 +171,7 @@ def measure_stereo(
 
 
 def _found_share(sensor: StereoDepth, signal: NDArray) -> NDArray[np.float64]:
-    if sensor.full_signal == 0:
+    if sensor.full_signal <= (0.05 if sensor.reflectivity == 1.0 else 0.0):
         return np.ones(signal.shape)
     return np.clip((signal - sensor.min_signal) / (sensor.full_signal - sensor.min_signal), 0, 1)
 

@@ -13,8 +13,9 @@ from gpu_code import gpu_code
 from scipy import ndimage
 
 import warpvis as wv
-from warpvis.kernels.pinhole import Window
-from warpvis.kernels.sensors.fattening import FatteningModel, find_nearest_in_rows
+from warpvis.core.threads import WHOLE_ROW, launch_images
+from warpvis.kernels.sensors.fattening import FatteningModel, fatten_surfaces
+from warpvis.kernels.sensors.noise import SensorInputs
 from warpvis.sensors import Reason, StereoDepth
 
 from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
@@ -41,16 +42,33 @@ def test_fattening_matches_the_reference(device, reach, step):
     np.testing.assert_array_equal(views.depth.numpy()[sure], expected[sure])
 
 
-@pytest.mark.parametrize("reach", [0, 1, 7, 40])
-def test_nearest_in_rows_matches_the_reference(device, reach):
-    depth = np.random.default_rng(reach).uniform(0.1, 9.0, (2, 5, 31)).astype(np.float32)
-    depth[0, 1:3] = np.inf
-    model, window = FatteningModel(), Window()
-    model.reach = reach
-    nearest = wp.zeros(depth.shape, dtype=wp.float32, device=device)
-    inputs = [window, model, wp.array(depth, device=device), nearest]
-    wp.launch(find_nearest_in_rows, dim=depth.shape, inputs=inputs, device=device)
-    np.testing.assert_array_equal(nearest.numpy(), reference_fattening.find_nearest_in_rows(depth, reach))
+@pytest.mark.parametrize("width", [1, 7, 16, 17, 40])
+@pytest.mark.parametrize("reach", [1, 5, 31])
+def test_rows_of_any_length_match_the_reference(device, width, reach):
+    """Random surfaces, and the index of the pixel that each pixel shows."""
+    rng = np.random.default_rng(width)
+    depth = rng.choice([0.5, 1.0, 2.0, np.inf], (2, 9, width), p=[0.05, 0.15, 0.5, 0.3]).astype(np.float32)
+    model, inputs = FatteningModel(), SensorInputs()
+    model.disparity_scale, model.step, model.reach = 10.0, 2.0, reach
+    inputs.true_depth, inputs.draws = wp.array(depth, device=device), wp.zeros(2, dtype=wp.vec2ui, device=device)
+    inputs.camera = wv.Camera(width, 9, 1.0, 1.0, 0.0, 0.0).device_struct()
+    for along_columns in (False, True):
+        model.along_columns = along_columns
+        fattened = wp.zeros(depth.shape, dtype=wp.float32, device=device)
+        shown = wp.zeros(depth.shape, dtype=wp.int32, device=device)
+        span = WHOLE_ROW if inputs.true_depth.device.is_cpu else 1
+        launch_images(
+            fatten_surfaces,
+            depth.shape,
+            lambda window, to=(fattened, shown): [window, model, inputs, *to],
+            device=inputs.true_depth.device,
+            span=span,
+        )
+        inputs.true_depth, inputs.shown = fattened, shown
+    expected, _ = reference_fattening.fatten_surfaces(depth, 10.0, 2.0, reach)
+    np.testing.assert_array_equal(shown.numpy(), expected)
+    taken = np.take_along_axis(depth.reshape(2, -1), expected.reshape(2, -1), axis=1).reshape(depth.shape)
+    np.testing.assert_array_equal(fattened.numpy(), taken)
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -119,7 +137,14 @@ def test_batching_threads_and_order(device):
         np.testing.assert_array_equal(again[name], whole[name])
         np.testing.assert_array_equal(alone[name][0], whole[name][1])
         assert (name in ("depth", "reasons")) == (without[name].tobytes() != whole[name].tobytes())
-    assert model.bytes_per_pixel == FULL.bytes_per_pixel + 24
+    assert model.bytes_per_pixel == FULL.bytes_per_pixel + 16
+
+
+def test_edge_shift_is_that_of_the_inner_sensor():
+    model = dataclasses.replace(PLAIN, fattening=3)
+    assert PLAIN.edge_shift == 0 and model.edge_shift == 3
+    assert wv.sensors.Corruptions(of=model).edge_shift == 3 and wv.sensors.Corruptions().edge_shift == 0
+    assert wv.sensors.randomized(model, fattening=(1, 5)).edge_shift == 5
 
 
 def test_invalid_parameters_raise():

@@ -140,7 +140,10 @@ def test_depths_lie_on_all_disparity_levels(device, name):
 
 @pytest.mark.parametrize("name", STEREO)
 def test_profile_shadow_and_band_widths(device, name):
-    """f b (1 / z1 - 1 / z2) and f b / z px, within 1 px, both on the left; a projector's image has no band."""
+    """f b (1 / z1 - 1 / z2) and f b / z px, within 1 px, both on the left; a projector's image has no band.
+
+    The plate spreads over a part of its shadow.
+    """
     sensor = getattr(wv.sensors, name)(320, 240)
     camera = dataclasses.replace(sensor.camera(), height=16, cy=8.0)
     near, far = 0.9, 2.8
@@ -151,8 +154,8 @@ def test_profile_shadow_and_band_widths(device, name):
         band, shadow = (np.flatnonzero(row == reason) for reason in (Reason.BAND, Reason.SHADOW))
         assert abs(len(band) - sensor.band * camera.fx * sensor.baseline / far) <= 1
         np.testing.assert_array_equal(band, np.arange(len(band)))
-        assert abs(len(shadow) - camera.fx * sensor.baseline * (1 / near - 1 / far)) <= 1
-        assert abs(shadow[-1] + 1 - (camera.cx - camera.fx * 0.15 / near)) <= 1
+        assert abs(len(shadow) + sensor.fattening - camera.fx * sensor.baseline * (1 / near - 1 / far)) <= 1
+        assert abs(shadow[-1] + 1 + sensor.fattening - (camera.cx - camera.fx * 0.15 / near)) <= 1
         np.testing.assert_array_equal(shadow, shadow[0] + np.arange(len(shadow)))
 
 

@@ -4,10 +4,11 @@
 
 import warp as wp
 
+from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.sensors.noise import SensorInputs
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False, "fuse_fp": False})
+wp.set_module_options(pixel_options("shared/fattening.h"))
 
 
 @wp.struct
@@ -17,30 +18,21 @@ class FatteningModel:
     disparity_scale: float  # f b [px m]
     step: float  # smallest difference in disparity between two surfaces [px]
     reach: int  # half width of the window [px]
+    along_columns: bool  # instead of rows
 
 
-@wp.func
-def is_before(model: FatteningModel, nearer: float, depth: float) -> bool:
-    """Return whether a depth belongs to a surface in front of another."""
-    return model.disparity_scale / nearer - model.disparity_scale / depth >= model.step
-
-
-@wp.kernel
-def find_nearest_in_rows(
-    window: Window,
-    # In:
+@wp.func_native(
+    "warpvis::measure<warpvis::Fattening>(warpvis::sensor_row(inputs, view, y), x, model, depth_out, shown_out);"
+)
+def fatten_pixels(
     model: FatteningModel,
-    true_depth: wp.array3d[float],
-    # Out:
-    nearest_out: wp.array3d[float],
-):
-    """Write the minimum depth in a horizontal window around each pixel."""
-    view, y, x = wp.tid()
-    view, y = locate(window, view, y)
-    nearest = float(wp.inf)
-    for column in range(wp.max(x - model.reach, 0), wp.min(x + model.reach + 1, true_depth.shape[2])):
-        nearest = wp.min(nearest, true_depth[view, y, column])
-    nearest_out[view, y, x] = nearest
+    inputs: SensorInputs,
+    view: int,
+    y: int,
+    x: int,
+    depth_out: wp.array3d[float],
+    shown_out: wp.array3d[wp.int32],
+): ...
 
 
 @wp.kernel
@@ -49,36 +41,14 @@ def fatten_surfaces(
     # In:
     model: FatteningModel,
     inputs: SensorInputs,
-    nearest: wp.array3d[float],
-    offsets: wp.array[wp.vec2i],
     # Out:
     depth_out: wp.array3d[float],
-    normals_out: wp.array3d[wp.vec3],
-    segmentation_out: wp.array3d[wp.int32],
+    shown_out: wp.array3d[wp.int32],
 ):
-    """Write the surface of the closest pixel in the window that is in front of a pixel's own, or the pixel's own.
+    """Write the depth of the closest pixel of the row or column in front of a pixel's own surface, or the pixel's own.
 
-    `nearest` is the output of `find_nearest_in_rows`; `offsets` contains column and row offsets by increasing distance.
-    Normals and segmentation may be None.
+    `shown_out`, which may be None, is the index in the view of the pixel that has this surface.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    height, width = inputs.true_depth.shape[1], inputs.true_depth.shape[2]
-    depth = inputs.true_depth[view, y, x]
-    nearest_depth = float(wp.inf)
-    for row in range(wp.max(y - model.reach, 0), wp.min(y + model.reach + 1, height)):
-        nearest_depth = wp.min(nearest_depth, nearest[view, row, x])
-    from_row, from_column = int(y), int(x)
-    if is_before(model, nearest_depth, depth):
-        for number in range(offsets.shape[0]):
-            column, row = x + offsets[number][0], y + offsets[number][1]
-            if row >= 0 and column >= 0 and row < height and column < width:
-                if is_before(model, inputs.true_depth[view, row, column], depth):
-                    from_row = row
-                    from_column = column
-                    break
-    depth_out[view, y, x] = inputs.true_depth[view, from_row, from_column]
-    if normals_out:
-        normals_out[view, y, x] = inputs.normals[view, from_row, from_column]
-    if segmentation_out:
-        segmentation_out[view, y, x] = inputs.segmentation[view, from_row, from_column]
+    fatten_pixels(model, inputs, view, y, x, depth_out, shown_out)

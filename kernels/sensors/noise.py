@@ -15,6 +15,7 @@ class SensorInputs:
     true_depth: wp.array3d[float]
     normals: wp.array3d[wp.vec3]
     segmentation: wp.array3d[wp.int32]
+    shown: wp.array3d[wp.int32]  # index of the pixel in the view whose normal and object apply; None: its own
     reflectivity: wp.array[float]  # of objects
     draws: wp.array[wp.vec2ui]  # keys of random numbers
     seed: wp.uint32

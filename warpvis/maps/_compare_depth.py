@@ -39,7 +39,7 @@ from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
 from warpvis.maps._occupancy_lookup import render_surface
 from warpvis.maps._occupancy_map import OccupancyMap
 from warpvis.maps._scene_changes import Evidence, SceneChange, choose_candidates, find_changes
-from warpvis.rendering import Renderer
+from warpvis.rendering import DepthSensor, Renderer
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds, part_of
 
@@ -162,7 +162,7 @@ def compare_depth(
     sigma: Sigma,
     threshold: float = 4.0,
     tolerance: float | None = None,
-    edge: int = 1,
+    edge: int | None = None,
     complete: bool = False,
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
@@ -194,7 +194,8 @@ def compare_depth(
         threshold: Number of standard deviations up to which depths agree.
         tolerance: Difference up to which depths agree in addition [m], for errors of the scene; by default 0 for a
             scene, and the size of a voxel for a map.
-        edge: Half the side of the window of expected depths, without its center [px], from 0 to 32.
+        edge: Half the side of the window of expected depths, without its center [px], from 0 to 32. The default is 1,
+            or more if `sigma` is a sensor that displaces edges by more (`DepthSensor.edge_shift`).
         complete: Whether space is known to be free where the scene has no surface: then depth there is
             `Agreement.NEARER` instead of `Agreement.NO_SURFACE`.
         object_poses: As for `Renderer.render`.
@@ -217,6 +218,8 @@ def compare_depth(
     count = len(images)
     if tolerance is None:
         tolerance = scene.cell_size if isinstance(scene, OccupancyMap) else 0.0
+    if edge is None:
+        edge = max(1, sigma.edge_shift if isinstance(sigma, DepthSensor) else 0)
     criteria = _criteria(camera, threshold, tolerance, edge, is_map or check_flag(complete, "complete"))
     sigmas = wp.array(tabulate_sigma(sigma, camera), dtype=wp.float32, device=device)
     if isinstance(scene, OccupancyMap):

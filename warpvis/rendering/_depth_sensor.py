@@ -183,6 +183,11 @@ class DepthSensor(ABC):
         """Memory that `measure` uses per pixel, in addition to the images that it reads and writes [bytes]."""
         return 0
 
+    @property
+    def edge_shift(self) -> int:
+        """Maximum distance by which edges of surfaces are displaced in measured depth [px]."""
+        return 0
+
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera, with its depth range restricted to the device's.
 

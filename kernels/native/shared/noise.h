@@ -44,6 +44,7 @@ struct SensorRow {
     const float* depth;  // of the first surface
     const float* normals;  // xyz in the world
     const int* segmentation;
+    const int* shown;  // index in the view of the pixel whose normal and object a pixel has; null: its own
     const float* reflectivity;  // [object]
     float* depth_out;
     unsigned char* reasons_out;
@@ -61,6 +62,7 @@ struct SensorRow {
         row.depth = inputs.true_depth.data;
         row.normals = (const float*)inputs.normals.data;
         row.segmentation = inputs.segmentation.data;
+        row.shown = inputs.shown.data;
         row.reflectivity = inputs.reflectivity.data;
         return row;
     }
@@ -81,12 +83,25 @@ struct SensorRow {
         if (column >= 0 && column + Numbers::PIXELS <= width) return Numbers::load(depths + column, Numbers::PIXELS);
         return collect([&](int k) { return column + k >= 0 && column + k < width ? depths[column + k] : outside; });
     }
-    inline void normal(int x, Real* xyz) const { Numbers::load_triples(normals + 3 * place(x), xyz, width - x); }
+    inline void normal(int x, Real* xyz) const {
+        if (!shows_others(x)) return Numbers::load_triples(normals + 3 * place(x), xyz, width - x);
+        for (int i = 0; i < 3; ++i) xyz[i] = collect([&](int k) { return normals[3 * shown_place(x + k) + i]; });
+    }
+    inline bool shows_others(int x) const {
+        if (!shown) return false;
+        const Whole own = Numbers::indices(y * width + x);
+        return Numbers::any((Numbers::load(shown + place(x), width - x) != own) & (Numbers::indices(x) < width));
+    }
+    // Place of the pixel that pixel x shows; of the last one of the row beyond its end.
+    inline long long shown_place(int x) const {
+        const long long own = place(x < width ? x : width - 1);
+        return shown ? first + shown[own] : own;
+    }
     // Reflectivity of the surfaces; 1 without a surface.
     inline Real reflectivities(int x) const {
         if (!segmentation) return Numbers::real(1.0f);
         return collect([&](int k) {
-            const int object = x + k < width ? segmentation[place(x) + k] : -1;
+            const int object = x + k < width ? segmentation[shown_place(x + k)] : -1;
             return object < 0 ? 1.0f : reflectivity[object];
         });
     }

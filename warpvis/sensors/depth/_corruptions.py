@@ -76,6 +76,11 @@ class Corruptions(DepthSensor):
         """Scratch memory per pixel [B]."""
         return 0 if self.of is None else self.of.bytes_per_pixel
 
+    @property
+    def edge_shift(self) -> int:
+        """Maximum distance by which the sensor displaces edges [px]."""
+        return 0 if self.of is None else self.of.edge_shift
+
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera if it can be used with the sensor and the scene."""
         return super().check(scene, camera) if self.of is None else self.of.check(scene, camera)

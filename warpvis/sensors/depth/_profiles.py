@@ -30,9 +30,18 @@ _D400_DISPARITIES, _D400_STEPS = 126.0, 32
 # The RMS error of disparity is below 0.1 px on textured or illuminated surfaces, according to the same paper.
 _D400_SIGMA, _D400_SPACING = 0.08, 4
 # The R200, the predecessor, sums matching costs over 7x7 pixels (Keselman, Woodfill, Grunnet-Jepsen and Bhowmik, "Intel
-# RealSense Stereoscopic Depth Cameras", 2017, arXiv 1705.05548); the window of the D400 is not published. Nodes 4 px
-# apart give the random numbers of holes the correlation of sums over that window: 0.5 at 3 px, 0 from 7 px on.
-_D400_HOLE_SPACING = 4
+# RealSense Stereoscopic Depth Cameras", 2017, arXiv 1705.05548); the window of the D400 is not published. Surfaces
+# spread by half of it. Nodes 4 px apart give the random numbers of holes the correlation of sums over it: 0.5 at 3 px,
+# and 0 from 7 px on.
+_D400_FATTENING, _D400_HOLE_SPACING = 3, 4
+# With this window, surfaces whose disparity changes by 1 px or more per pixel are lost: the limit of human stereopsis
+# (Burt and Julesz, "A Disparity Gradient Limit for Binocular Fusion", Science 208, 1980) and of matchers (Pollard,
+# Mayhew and Frisby, "PMF: A Stereo Correspondence Algorithm Using a Disparity Gradient Limit", Perception 14, 1985).
+_EDGE_WINDOW, _MIN_SUPPORT = 5, 0.6
+# The D400 matches local differences of brightness below 5 % (Sweetser and Grunnet-Jepsen, "Optical Filters for Intel
+# RealSense Depth Cameras D400"). The pattern on a white surface has 5 % of its contrast at 87 degrees. In recordings,
+# tables and floors lose 0.1 % of their pixels at 60 to 80 degrees (docs/sensors/depth_cameras.md).
+_D400_FULL_SIGNAL = 0.05
 # No source: all pixels are found up to an angle of incidence of 60 degrees, and none beyond 85 degrees.
 _MIN_SIGNAL, _FULL_SIGNAL = math.cos(math.radians(85.0)), math.cos(math.radians(60.0))
 # Width, height [px], horizontal and vertical field of view [deg], minimum and maximum depth [m].
@@ -111,7 +120,8 @@ def zed_2i(width: int = 1280, height: int = 720) -> StereoDepth:
 
     Focal length: one calibrated device at 1280x720 (``zed2i`` of snail-radar/dataset_tools at 08ecfe1). Baseline:
     zed-ros2-description at feb4806. Range: Stereolabs' documentation of depth settings. The noise, 0.1 px with a
-    correlation length of 4 px, has no source. The device has no projector: surfaces need texture, which is not modeled.
+    correlation length of 4 px, has no source. The required signal is that of Intel's D400. The device has no projector:
+    surfaces need texture, which is not modeled.
     """
     focal, baseline = _scaled(533.0, 1280, width), 0.12
     disparities = 533.0 * baseline / 0.3
@@ -120,10 +130,9 @@ def zed_2i(width: int = 1280, height: int = 720) -> StereoDepth:
         max_disparity=disparities,
         sigma=0.1,
         noise_spacing=4,
-        edge_window=5,
-        min_support=0.6,
-        min_signal=_MIN_SIGNAL,
-        full_signal=_FULL_SIGNAL,
+        edge_window=_EDGE_WINDOW,
+        min_support=_MIN_SUPPORT,
+        full_signal=_D400_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / disparities, 20.0),
     )
 
@@ -132,7 +141,8 @@ def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
     """Return a Luxonis OAK-D Pro: active stereo, baseline 75 mm, focal length 805 px at 1280x800, 0.64 to 12 m.
 
     Focal length, baseline, 95 disparities, range, and noise of 0.2 px with a correlation length of 2 px are from a
-    user's profile for NVIDIA's simulator. Disparities have 3 fractional bits, Luxonis' default.
+    user's profile for NVIDIA's simulator. Disparities have 3 fractional bits, Luxonis' default. The required signal is
+    that of Intel's D400.
     """
     focal, baseline, disparities = _scaled(805.0, 1280, width), 0.075, 95.0
     return StereoDepth(
@@ -141,10 +151,9 @@ def oak_d(width: int = 1280, height: int = 800) -> StereoDepth:
         sigma=0.2,
         noise_spacing=2,
         subpixel=8,
-        edge_window=5,
-        min_support=0.6,
-        min_signal=_MIN_SIGNAL,
-        full_signal=_FULL_SIGNAL,
+        edge_window=_EDGE_WINDOW,
+        min_support=_MIN_SUPPORT,
+        full_signal=_D400_FULL_SIGNAL,
         native_camera=_camera(width, height, focal, focal * baseline / disparities, 12.0),
     )
 
@@ -179,10 +188,10 @@ def _realsense(width: int, height: int, *, hfov: float, baseline: float) -> Ster
         sigma=_D400_SIGMA,
         noise_spacing=_D400_SPACING,
         subpixel=_D400_STEPS,
-        edge_window=5,
-        min_support=0.6,
-        min_signal=_MIN_SIGNAL,
-        full_signal=_FULL_SIGNAL,
+        fattening=_D400_FATTENING,
+        edge_window=_EDGE_WINDOW,
+        min_support=_MIN_SUPPORT,
+        full_signal=_D400_FULL_SIGNAL,
         hole_spacing=_D400_HOLE_SPACING,
         native_camera=_camera(width, height, focal, focal * baseline / _D400_DISPARITIES, 10.0),
     )

@@ -116,6 +116,11 @@ class Randomized(DepthSensor):
         copied = _OUTPUT_BYTES + sum(read[name] for name in self.needs)
         return copied + max(corner.bytes_per_pixel for corner in self._corners)
 
+    @property
+    def edge_shift(self) -> int:
+        """Maximum distance by which any of the sensors displaces edges [px]."""
+        return max(corner.edge_shift for corner in self._corners)
+
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera if it can be used with all sensors and the scene."""
         pinholes = [corner.check(scene, camera) for corner in self._corners]

@@ -8,7 +8,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import warp as wp
@@ -26,13 +26,12 @@ from warpvis.scene import Scene
 from warpvis.sensors.depth._base import (
     Device,
     check_positive,
-    closest_first,
     draw_normal_image,
     kernel_images,
-    kernel_inputs,
 )
 
 if TYPE_CHECKING:
+    from warpvis.kernels.sensors.noise import SensorInputs
     from warpvis.kernels.sensors.stereo import SmoothField, StereoModel
 
 Side = Literal["right", "left"]
@@ -45,6 +44,8 @@ error of 6e-8. The tolerance exceeds the effect of both for surfaces whose dispa
 adjacent pixels. The width of a shadow is the difference of disparities, so shadows wider than a tenth of a pixel are
 not missed.
 """
+_EDGE_ON_SIGNAL = 0.05
+"""Signal of a white surface at an angle of incidence of 87 degrees."""
 # Longer than the baseline of any device [m], and shorter than one in millimeters.
 _LONG_BASELINE = 5.0
 # Maximum relative difference of focal lengths between devices of one kind.
@@ -116,7 +117,8 @@ class StereoDepth(Device):
     that of the imager."""
     fattening: int = 0
     """Distance by which nearer surfaces spread over farther ones [px]: half the side of a matching window. A pixel gets
-    the depth of the closest pixel within this distance whose disparity is greater by at least `edge_step`."""
+    the depth of the closest pixel of its row within this distance whose disparity is greater by at least `edge_step`;
+    then, likewise, of its column."""
     edge_window: int = 1
     """Side of the window about a pixel for the detection of edges, odd [px]; 1 for no detection."""
     edge_step: float = 1.0
@@ -128,7 +130,8 @@ class StereoDepth(Device):
     """Reflectivity times the cosine of the angle of incidence up to which no pixel is measured."""
     full_signal: float = 0.0
     """The same product from which on all pixels are measured; in between, the probability increases linearly. If 0, the
-    signal is not checked."""
+    signal is not checked. With a reflectivity of 1, it is not checked up to 0.05 either, which saves rendering normals:
+    only surfaces seen at more than 87 degrees would be lost."""
     dropout: float = 0.0
     """Probability that a pixel is lost at random, from 0 to 1."""
     hole_spacing: int = 1
@@ -166,14 +169,24 @@ class StereoDepth(Device):
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:
         """Exact images that are read."""
-        return super().needs if self.full_signal > 0.0 else ()
+        return super().needs if self._checks_signal else ()
+
+    @property
+    def _checks_signal(self) -> bool:
+        is_white = is_number(self.reflectivity) and self.reflectivity == 1.0
+        return self.full_signal > (_EDGE_ON_SIGNAL if is_white else 0.0)
 
     @property
     def bytes_per_pixel(self) -> int:
         """Scratch memory per pixel [B]."""
-        fattened = 8 + (12 if "normals" in self.needs else 0) + (4 if "segmentation" in self.needs else 0)
+        fattened = 16 if self.needs else 8
         nodes = 4 * (self._has_smooth_noise + self._has_clumps)
         return (12 if self.shadow else 0) + nodes + (fattened if self.fattening else 0)
+
+    @property
+    def edge_shift(self) -> int:
+        """Distance by which nearer surfaces spread [px]."""
+        return self.fattening
 
     @property
     def _has_smooth_noise(self) -> bool:
@@ -181,7 +194,7 @@ class StereoDepth(Device):
 
     @property
     def _has_clumps(self) -> bool:
-        return self.hole_spacing > 1 and (self.full_signal > 0 or self.dropout > 0)
+        return self.hole_spacing > 1 and (self._checks_signal or self.dropout > 0)
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the camera if it can be used with the sensor and the scene."""
@@ -220,15 +233,15 @@ class StereoDepth(Device):
         """Write the depth and reasons of the sensor."""
         from warpvis.kernels.sensors.stereo import OtherEye, measure_stereo, place_in_other_eyes, place_other_eyes
 
-        if self.fattening:
-            scale = self._scale(exposure.camera)
-            exposure = _fatten(exposure, reach=self.fattening, scale=scale, step=self.edge_step)
+        inputs = self.inputs(exposure)
+        if self.fattening and self.edge_step > 0:
+            self._fatten(exposure, inputs)
         poses, device = exposure.poses, exposure.scene.device
         other_poses = exposure.scratch("other poses", poses.shape, wp.transform)
         eyes = wp.empty(len(poses), dtype=OtherEye, device=device)
         side = self.baseline if self.other_eye == "right" else -self.baseline
         launch(place_other_eyes, len(poses), [poses, wp.float64(side), other_poses, eyes], device)
-        inputs, model = self.inputs(exposure), self._model(exposure)
+        model = self._model(exposure)
         if self.shadow:
             other = self._other_camera(exposure.camera, exposure.clip_near)
             model.other_width, model.added_columns = other.width, other.cx - exposure.camera.cx
@@ -237,6 +250,21 @@ class StereoDepth(Device):
             exposure.launch(place_in_other_eyes, model, inputs, points, cameras=[eyes], rows=True)
             model.other_depth = exposure.cast_at(other, other_poses, points)
         exposure.launch(measure_stereo, model, inputs, kernel_images(exposure), cameras=[eyes], rows=True)
+
+    def _fatten(self, exposure: Exposure, inputs: SensorInputs) -> None:
+        """Replace depth of the inputs, and the pixels of normals and objects, by those of nearer surfaces."""
+        from warpvis.kernels.sensors.fattening import FatteningModel, fatten_surfaces
+
+        model = FatteningModel()
+        model.disparity_scale, model.step, model.reach = self._scale(exposure.camera), self.edge_step, self.fattening
+        for along in ("rows", "columns"):
+            depth = exposure.scratch(f"depth fattened along {along}", exposure.true_depth.shape, wp.float32)
+            shown = exposure.scratch(f"pixels along {along}", depth.shape, wp.int32) if self.needs else None
+            model.along_columns = along == "columns"
+            exposure.launch(fatten_surfaces, model, inputs, depth, shown, rows=True)
+            inputs.true_depth = depth
+            if shown is not None:
+                inputs.shown = shown
 
     def _model(self, exposure: Exposure) -> StereoModel:
         """Return the parameters as a struct for kernels, without the image of the other eye."""
@@ -249,9 +277,8 @@ class StereoDepth(Device):
         model.max_disparity, model.shadow_tolerance = self.max_disparity, _SHADOW_TOLERANCE
         model.min_support, model.window, model.edge_step = self.min_support, self.edge_window // 2, self.edge_step
         # If the signal is not checked, slope 1 accepts the default cosine of 1.
-        checks_signal = self.full_signal > 0.0
-        model.min_signal = self.min_signal if checks_signal else 0.0
-        model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if checks_signal else 1.0
+        model.min_signal = self.min_signal if self._checks_signal else 0.0
+        model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if self._checks_signal else 1.0
         model.detection_rate = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
         model.column_slopes, model.row_slopes = _slopes(camera, exposure.scene.device)
@@ -301,21 +328,3 @@ def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
 def _check_at_most(value: int, name: str, maximum: int) -> None:
     if value > maximum:
         raise ArrayError(f"{name} must be at most {maximum} px, got {value}")
-
-
-def _fatten(exposure: Exposure, *, reach: int, scale: float, step: float) -> Exposure:
-    """Return the exposure with nearer surfaces spread over farther ones, up to a reach [px]; see `FatteningModel`."""
-    from warpvis.kernels.sensors.fattening import FatteningModel, fatten_surfaces, find_nearest_in_rows
-
-    device = exposure.scene.device
-    model, inputs = FatteningModel(), kernel_inputs(exposure)
-    model.disparity_scale, model.step, model.reach = scale, step, reach
-    fattened: dict[str, Any] = {}
-    for name in ("true_depth", "normals", "segmentation"):
-        image = getattr(exposure, name)
-        fattened[name] = None if image is None else exposure.scratch(f"fattened {name}", image.shape, image.dtype)
-    nearest = exposure.scratch("nearest of rows", exposure.true_depth.shape, wp.float32)
-    offsets = wp.array(closest_first(reach), dtype=wp.vec2i, device=device)
-    exposure.launch(find_nearest_in_rows, model, exposure.true_depth, nearest)
-    exposure.launch(fatten_surfaces, model, inputs, nearest, offsets, *fattened.values())
-    return dataclasses.replace(exposure, **fattened)
