@@ -50,7 +50,7 @@ def test_one_cloud_is_written_per_pose(folder, monkeypatch, capsys):
     assert "clouds: 2 frames, 131072 points" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("lidar", ["vlp16", "mid360:mid360.npy"])
+@pytest.mark.parametrize("lidar", ["vlp16", "vls128", "xt32", "rplidar-a2", "os1-32", "mid360:mid360.npy"])
 def test_lidars_are_selected_by_name(folder, monkeypatch, lidar):
     render(monkeypatch, "--lidar", lidar, "--poses", "walk.txt", "--quiet")
     assert len(list((folder / "scans/pcd").iterdir())) == 2

@@ -190,10 +190,10 @@ def vls128(
     """Return the rays of a revolution of a VLS-128 (Alpha Prime): 128 lasers from -25 to 15 degrees, denser near 0.
 
     Lasers fire in 16 groups of eight, 2.665 us each. There is a pause of one group after the eighth group and of three
-    after the last: 53.3 us a cycle, 1876 cycles at 10 Hz (VLS-128 user manual, draft, pages 49 and 61; firmware since
-    5.2.3 takes 2.89 us, according to velodyne_decoder). Azimuths differ by up to 12.7 degrees within a group. Beams
-    intersect 58.63 mm from the axis (velodyne_decoder). The maximum range is the largest distance in a packet. See
-    `vlp16` for arguments, result and errors.
+    after the last: 53.3 us a cycle, 1876 cycles at 10 Hz (VLS-128 user manual, draft, pages 49 and 61, and ros-drivers;
+    velodyne_decoder assumes two groups in both places, and 2.89 us since firmware 5.2.3). Azimuths differ by up to 12.7
+    degrees within a group. Beams intersect 58.63 mm from the axis (velodyne_decoder). The maximum range is the largest
+    distance that a packet can hold. See `vlp16` for arguments, result and errors.
     """
     lasers = _read_lasers(calibration, 128)
     if lasers is None:
