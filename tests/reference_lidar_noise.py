@@ -82,7 +82,7 @@ def _ranges(
         offsets = model.ring_sigma * to_normal(words) + (0.0 if model.ring_offsets is None else model.ring_offsets)
         found = found + offsets[rings]
     with np.errstate(divide="ignore", invalid="ignore"):
-        sigma = np.sqrt(model.sigma**2 + (model.sigma_growth * distance) ** 2 + (model.weak_sigma / light) ** 2)
+        sigma = np.sqrt(model.sigma**2 + (model.sigma_growth * distance) ** 2 + model.weak_sigma**2 / light)
         found = found + sigma * draws.normal(STREAM_RANGE)
         if model.resolution:
             steps = found / model.resolution

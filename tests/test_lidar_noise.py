@@ -165,6 +165,17 @@ def test_fill_random_parameters_and_corruptions(device):
     assert abs(lost[exact].mean() - 0.5) < 4 * math.sqrt(0.25 / exact.sum())
 
 
+@pytest.mark.parametrize("name", ["sigma", "sigma_growth", "weak_sigma", "resolution", "power_sigma", "rain"])
+def test_extreme_parameters_leave_depth_and_reasons_consistent(name):
+    for value in (5e-324, 1e-30, 1e30, 1.7e308):
+        model = LidarNoise(**{"detection_range": 3.0, "weak_sigma": 0.1, "power_sigma": 0.1, name: value})
+        views = wv.render(room(), lidar(), POSES, outputs=("depth", "reasons"), sensor=model, frame=0)
+        depth, reasons = views.depth.numpy(), views.reasons.numpy()
+        np.testing.assert_array_equal(np.isfinite(depth), reasons == Reason.VALID)
+        np.testing.assert_array_equal(np.isnan(depth), reasons > Reason.RANGE)
+        assert (model.depth_sigma([1.0], lidar()) >= 0).all()
+
+
 @pytest.mark.parametrize("falls_off", [False, True])
 @pytest.mark.parametrize("out", ["new", "given", "same"])
 def test_returns_match_the_reference(device, falls_off, out):

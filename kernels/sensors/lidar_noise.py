@@ -32,7 +32,7 @@ class LidarModel:
 
     sigma: float  # [m]
     sigma_growth: float
-    weak_sigma: float  # [m]
+    weak_sigma: float  # at the limit of detection [m]
     resolution: wp.float64  # [m]
     ring_sigma: float  # [m]
     dropout: float
@@ -148,8 +148,9 @@ def ring_noise(sigma: float, seed: wp.uint32, ring: int) -> float:
 def measured_range(model: LidarModel, pixel: Pixel, echo: Echo, ring_error: float) -> wp.float64:
     """Return the range of a detected echo with errors, rounded to the resolution [m]."""
     found = echo.range + wp.float64(ring_error)
-    growth, weak = model.sigma_growth * float(echo.range), model.weak_sigma / echo.power
-    sigma = wp.sqrt(model.sigma * model.sigma + growth * growth + weak * weak)
+    growth = model.sigma_growth * float(echo.range)
+    weak = model.weak_sigma * model.weak_sigma / echo.power
+    sigma = wp.sqrt(model.sigma * model.sigma + growth * growth + weak)
     if sigma > 0.0:
         found += wp.float64(sigma * to_normal(draw_word(pixel, STREAM_RANGE)))
     if model.resolution > wp.float64(0.0):
