@@ -142,6 +142,14 @@ VOXEL_HIDDEN = -32767
 # Marks empty entries: beyond every coordinate and, as 1 / z, nearer than any surface.
 NOWHERE = 3e38
 
+# Rays with distinct origins are cast in packets on the CPU if the origins of a table, or those of a moving sensor's
+# bundle, extend at most this far along an axis [m],
+CPU_MAX_ORIGIN_EXTENT = 0.5
+
+# and if those of a packet are at most this far from their middle, on average [m]. Packets of a finer scene would else
+# test most of its triangles.
+CPU_MAX_SPREAD = 0.04
+
 # A box is treated as covering the whole image if the depth of its nearest corner is at most this fraction of the sum
 # of the magnitudes of its terms.
 BOX_CROSSING_SHARE = 0.02

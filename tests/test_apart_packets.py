@@ -7,6 +7,7 @@ import pickle
 import numpy as np
 import pytest
 import trimesh
+import warp as wp
 from apart_checks import (
     check_box,
     check_no_leaks,
@@ -196,6 +197,18 @@ def test_depth_along_z_and_common_origin(packets_only):
     there[:3] += wv.core.poses.poses_to_matrices(pose)[:3, :3] @ shift
     plain = wv.render(scene, Rays(directions), there).depth.numpy()
     np.testing.assert_allclose(np.nan_to_num(beside, posinf=9), np.nan_to_num(plain, posinf=9), atol=1e-5)
+
+
+def test_wide_lidars_are_cast_in_packets(packets_only):
+    """The lasers of an HDL-64E start 0.14 m apart, but those of a packet start close to each other."""
+    scene, lidar = wv.scenes.PRESETS["room"].build("cpu"), wv.sensors.lidars.hdl64e()
+    assert np.ptp(lidar.origins.reshape(-1, 3), axis=0).max() > rays.MAX_ORIGIN_EXTENT
+    part = np.s_[::4, ::50]
+    few = Rays(lidar.directions[part], lidar.origins[part], near=lidar.near, far=lidar.far, axes=lidar.axes)
+    poses = np.array([[0.1, 0.2, 1.1, 0, 0, 0, 1.0]])
+    views = wv.render(scene, lidar, poses, outputs=ALL)
+    some = wv.Views(**{name: wp.array(getattr(views, name).numpy()[:, *part]) for name in ALL})
+    assert_matches_reference(some, scene, poses, few)
 
 
 @pytest.mark.parametrize("reason", ["far apart", "solids", "clip", "sizes"])

@@ -81,7 +81,7 @@ def sensors():
     return {
         "ouster": wv.sensors.lidars.ouster("OS1-128", mode="512x10"),
         "velodyne": wv.sensors.lidars.hdl64e(),
-        "list": Rays(sphere_of_rays(3000), few_origins(3000), np.random.default_rng(0).uniform(0, TURN, 3000)),
+        "list": Rays(sphere_of_rays(20_000), 0.2 * few_origins(20_000), np.linspace(0, TURN, 20_000)),
         "camera": RollingShutter(wv.Camera.from_fov(150, 110, hfov=1.1), 0.03),
         "fisheye": RollingShutter(lens, 0.02, "right_to_left"),
     }

@@ -56,6 +56,7 @@ struct MovingBundles {
     static inline void unit(const Scene& scene, const MovingJob& table, const Images& out, const MovingMemory& memory,
                             int unit, Mode mode) {
         const int index = unit % table.views, number = unit / table.views;
+        if (table.left[index]) return;  // since another bundle cannot be cast
         const Bundle& bundle = table.bundle[number];
         const RayTree rest = table.tree_of(number);
         const SensorPath path = SensorPath::of(table.motion, index);

@@ -110,8 +110,6 @@ struct MovingTreeMaker {
 
     static constexpr float MARGIN = 1e-3f;  // of bounds [px]
     static constexpr float MAX_TANGENT = 4.0f;  // of the angle between a ray and the bundle's axis
-    // Greatest extent of origins for which packets are faster than single rays [m].
-    static constexpr float MAX_EXTENT = 0.5f;
     static constexpr float ROUNDED = 1e-6f;  // bound of the relative rounding error of single precision, with a margin
 
     // Whether a tree could be built. It is not if the sensor moves too far, or rotates too much.
@@ -120,14 +118,28 @@ struct MovingTreeMaker {
         tiles = bundle.groups * LANES;
         if (!move(rays, path, reference, middle, first)) return false;
         for (int i = 0; i < 3; ++i)
-            if (!(from[i].greatest() - from[i].least() <= MAX_EXTENT)) return false;
+            if (!(from[i].greatest() - from[i].least() <= CPU_MAX_ORIGIN_EXTENT)) return false;
         eye[0] = 0.5f * (from[0].least() + from[0].greatest());
         eye[1] = 0.5f * (from[1].least() + from[1].greatest());
         eye[2] = from[2].least();
         max_origin_z = (from[2].greatest() - eye[2]) * (1.0f + ROUNDED);
         for (int tile = 0; tile < tiles; ++tile) cross_plane(tile);
         bound_tiles();
-        return is_ahead();
+        return is_ahead() && is_coherent();
+    }
+    // Whether origins of a packet are close to each other, judged by the first packet of each tile.
+    inline bool is_coherent() const {
+        float sum = 0.0f;
+        int count = 0;
+        for (int slot = 0; slot < tiles * (LANES * LANES); slot += LANES * LANES) {
+            const Ints which = has_ray(slot);
+            if (!Lanes::any(which)) continue;
+            LaneRange at_p, at_q;
+            at_p.add(Lanes::load(tree.p + slot), which), at_q.add(Lanes::load(tree.q + slot), which);
+            sum += 0.5f * __builtin_fmaxf(at_p.greatest() - at_p.least(), at_q.greatest() - at_q.least());
+            ++count;
+        }
+        return sum <= CPU_MAX_SPREAD * focal * (float)count;
     }
     inline bool is_ahead() const {
         if (!(per_z.least() > 0.0f)) return false;

@@ -180,6 +180,14 @@ enum OccupancyBlock {
 // Marks empty entries: beyond every coordinate and, as 1 / z, nearer than any surface.
 constexpr float NOWHERE = 3e38f;
 
+// Rays with distinct origins are cast in packets on the CPU if the origins of a table, or those of a moving sensor's
+// bundle, extend at most this far along an axis [m],
+constexpr float CPU_MAX_ORIGIN_EXTENT = 0.5f;
+
+// and if those of a packet are at most this far from their middle, on average [m]. Packets of a finer scene would else
+// test most of its triangles.
+constexpr float CPU_MAX_SPREAD = 0.04f;
+
 // A box is treated as covering the whole image if the depth of its nearest corner is at most this fraction of the sum
 // of the magnitudes of its terms.
 constexpr float BOX_CROSSING_SHARE = 0.02f;

@@ -13,10 +13,11 @@ import warp as wp
 
 from warpvis.cameras.pinhole import clip_inv_z
 from warpvis.cameras.rays import RayCamera
+from warpvis.kernels.constants import CPU_MAX_ORIGIN_EXTENT, CPU_MAX_SPREAD
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch
 from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
 from warpvis.rendering.casters.ray_origins_cpu import PreparedRayOrigins, prepare_ray_origins
-from warpvis.rendering.casters.rays import RayBundleCaster, takes_packets
+from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, origin_extent, takes_packets
 from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, prepare_rays
 from warpvis.scene import Scene
 
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 class CpuRayBundleCaster(CpuCaster):
     """Cast packets of neighboring rays, which are split over several pinhole images; image points as single rays.
 
-    Rays with distinct origins are cast in packets where `takes_packets` allows it, and as single rays otherwise.
+    Rays with distinct origins are cast in packets where their origins are close to each other, or at least to those of
+    the other rays of a packet; and as single rays otherwise, since packets would then test too many triangles.
     """
 
     _camera: RayCamera
@@ -61,7 +63,11 @@ class CpuRayBundleCaster(CpuCaster):
         if self._camera.origins is None:
             return True
         self._scene.bvh(faces="faces" in images)  # first, since `takes_packets` builds trees without faces
-        return takes_packets(self._scene, self._camera, views.worlds, self._clips)
+        if not takes_packets(self._scene, self._camera, views.worlds, self._clips, CPU_MAX_ORIGIN_EXTENT):
+            return False
+        if origin_extent(self._camera) <= MAX_ORIGIN_EXTENT:
+            return True
+        return self._origins is not None and self._origins.packet_spread <= CPU_MAX_SPREAD
 
     @cached_property
     def _origins(self) -> PreparedRayOrigins | None:

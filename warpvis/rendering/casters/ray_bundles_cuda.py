@@ -14,7 +14,7 @@ from warpvis.kernels.constants import CUDA_LANES
 from warpvis.rendering.casters.base import ImagesByName, ViewBatch, images_struct, needs_ids
 from warpvis.rendering.casters.found_objects_cuda import nothing_found
 from warpvis.rendering.casters.packet_images_cuda import POINTS_SIDE
-from warpvis.rendering.casters.rays import RayBundleCaster, takes_packets
+from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, takes_packets
 from warpvis.rendering.casters.sorted_rays_cuda import POINTS, PreparedPackets, prepare_packets
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class CudaRayBundleCaster(RayBundleCaster):
     def _uses_single_rays(self, worlds: Worlds) -> bool:
         clip_near = self._options.clip_near
         if self._camera.origins is not None:
-            supported = takes_packets(self._scene, self._camera, worlds, clip_near)
+            supported = takes_packets(self._scene, self._camera, worlds, clip_near, MAX_ORIGIN_EXTENT)
             return not supported or self._prepared.eye_offset > MAX_EYE_OFFSET
         return clip_near and self._camera.near > 0
 

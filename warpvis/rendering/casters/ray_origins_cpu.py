@@ -32,6 +32,8 @@ class PreparedRayOrigins:
     struct: RayOrigins
     max_origin_z: NDArray[np.float64]
     """Greatest z of a ray origin in each bundle [m]."""
+    packet_spread: float
+    """Mean over all packets of how far the origins of a packet's rays are from their middle [m]."""
 
 
 def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> PreparedRayOrigins:
@@ -81,7 +83,16 @@ def prepare_ray_origins(rays: NDArray[np.float64], origins: NDArray[np.float64])
     for name, array in arrays.items():
         setattr(struct, name, wp.array(array, dtype=wp.float32, device="cpu"))
     struct.eye = wp.array(eyes, dtype=wp.float64, device="cpu")
-    return PreparedRayOrigins(prepared, struct, max_origin_z)
+    spread = _spread(offsets / bundle_arrays.focal, pixel >= 0)
+    return PreparedRayOrigins(prepared, struct, max_origin_z, spread)
+
+
+def _spread(offsets: NDArray, has_ray: NDArray[np.bool_]) -> float:
+    """Return the mean over all packets of half the greater extent of the offsets of a packet's rays, shape (2, N)."""
+    has_ray = has_ray.reshape(-1, CPU_LANES)
+    values, nonempty = offsets.reshape(2, -1, CPU_LANES), has_ray.any(axis=-1)
+    extent = np.where(has_ray, values, -np.inf).max(axis=-1) - np.where(has_ray, values, np.inf).min(axis=-1)
+    return float(extent[:, nonempty].max(axis=0).mean() / 2) if nonempty.any() else 0.0
 
 
 def _columns(bundle_arrays: object) -> NDArray[np.int64]:

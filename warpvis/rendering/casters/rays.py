@@ -120,23 +120,28 @@ class RayBundleCaster(RaysCaster):
         return None if self._camera.origins is None else rays_on_device(self._camera, self._scene.device, "origins")
 
 
-def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool) -> bool:
+def takes_packets(scene: Scene, camera: RayCamera, worlds: Worlds, clip_near: bool, max_extent: float) -> bool:
     """Return whether packets can cast rays with a camera's ray origins.
 
-    They cannot if the origins are far apart, the scene has movable analytic solids, worlds scale objects, or near
-    surfaces are cut away.
+    They cannot if the origins are further apart than `max_extent` along an axis [m], the scene has movable analytic
+    solids, worlds scale objects, or near surfaces are cut away.
     """
     if clip_near or worlds.object_sizes or scene.bvh().has_solids:
         return False
+    return origin_extent(camera) <= max_extent
+
+
+def origin_extent(camera: RayCamera) -> float:
+    """Return the maximum extent of the origins of a camera's rays along an axis [m]."""
     origins = camera.origins
     assert origins is not None  # cameras without origins use another caster
-    return camera.prepared("close origins", lambda: are_close(camera.rays, origins))
+    return camera.prepared("extent of origins", lambda: extent_of(camera.rays, origins))
 
 
-def are_close(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> bool:
-    """Return whether ray origins are so close to each other that packets of rays are coherent."""
+def extent_of(rays: NDArray[np.float64], origins: NDArray[np.float64]) -> float:
+    """Return the maximum extent of the origins of rays along an axis [m]; 0 without rays."""
     has_ray = np.isfinite(rays).all(axis=-1)
-    return not has_ray.any() or bool(np.ptp(origins[has_ray], axis=0).max() <= MAX_ORIGIN_EXTENT)
+    return float(np.ptp(origins[has_ray], axis=0).max()) if has_ray.any() else 0.0
 
 
 def rays_through(camera: RayCamera, pixels: wp.array | None, device: wp.Device) -> wp.array:

@@ -26,9 +26,9 @@ _LANES = CPU_LANES
 _GROUP = _LANES * _LANES
 # Maximum number of groups in a bundle, so that a bundle fits a core's cache and an image has a few units of work.
 _MAX_GROUPS = 10
-# For sensors that move within a frame: maximum number of groups in a bundle, minimum number of bundles in a frame, and
-# a time in which sensors do not move far [s].
-_MAX_MOVING_GROUPS, _MIN_BUNDLES, _SHORT_TIME = 2, 16, 0.004
+# For sensors that move within a frame: maximum number of groups in a bundle, minimum number of bundles in a frame, a
+# time in which sensors do not move far [s], and the length of a frame relative to the largest side of a pinhole.
+_MAX_MOVING_GROUPS, _MIN_BUNDLES, _SHORT_TIME, _TIME_WEIGHT = 2, 16, 0.004, 4.0
 # Maximum tangent of the field of view of a single pinhole.
 _MAX_TANGENT = 1.6
 # Pixels of a bundle's image between neighboring rays: the resolution of positions and, nearly, of bounds.
@@ -156,7 +156,8 @@ def _sort(
     tiles, columns = [np.zeros((0, _LANES, _LANES), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     bundles, first = [], 0
     for number in range(len(split.axes)):
-        face_tiles, num_columns = _tiles(split.face == number, split.positions)
+        in_face = split.face == number
+        face_tiles, num_columns = _tiles(in_face, split.positions, _with_times(in_face, split.positions, times))
         centers = _centers(face_tiles.reshape(len(face_tiles), -1), split.positions)
         whole, size = np.arange(len(face_tiles)), _MAX_GROUPS * _LANES
         parts = _split(centers, whole, _LANES, size) if times is None else _split_in_time(face_tiles, centers, times)
@@ -189,8 +190,16 @@ def _split_in_time(tiles: NDArray[np.int64], centers: NDArray, times: NDArray[np
     yield from split(np.arange(len(tiles)))
 
 
-def _tiles(in_face: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int64], int]:
-    """Return tiles of neighbors in the table, or of rays sorted by position if neighbors in the table are incoherent.
+def _with_times(in_face: NDArray[np.bool_], positions: NDArray, times: NDArray[np.float64] | None) -> NDArray:
+    """Append times to positions, scaled such that rays at opposite ends of a frame are far apart."""
+    if times is None or np.ptp(times) == 0:
+        return positions
+    largest = float(np.ptp(positions[in_face.ravel()], axis=0).max())
+    return np.column_stack([positions, times.ravel() * (_TIME_WEIGHT * largest / float(np.ptp(times)))])
+
+
+def _tiles(in_face: NDArray[np.bool_], places: NDArray, keys: NDArray) -> tuple[NDArray[np.int64], int]:
+    """Return tiles of neighbors in the table, or of rays sorted by `keys` if neighbors in the table are incoherent.
 
     Also return the number of table columns of their packets; 0 if rays are sorted.
     """
@@ -204,8 +213,8 @@ def _tiles(in_face: NDArray[np.bool_], places: NDArray) -> tuple[NDArray[np.int6
     ideal = 2 * math.sqrt(float(np.ptp(places[rays], axis=0).prod()) / count) * count
     if lengths[best] <= _MAX_STRETCH * ideal:
         return cuts[best], _BLOCKS[best][1]
-    packets = _pad_rows(list(_split(places, rays, _GROUP, _LANES)))
-    middles = _centers(packets, places)
+    packets = _pad_rows(list(_split(keys, rays, _GROUP, _LANES)))
+    middles = _centers(packets, keys)
     order = _pad_rows(list(_split(middles, np.arange(len(packets)), _LANES, _LANES)))
     tiles = np.where((order >= 0)[..., None], packets[order], -1)
     return (tiles, 0) if _lengths(tiles, places) < lengths[best] else (cuts[best], _BLOCKS[best][1])
