@@ -18,7 +18,7 @@ from warpvis.cameras import LensCamera, lenses
 from warpvis.errors import FileFormatError, IntrinsicsWarning
 from warpvis.io import load_camera
 
-from support.calibration_files import AT, CASES, FRAMES, MEI, SCARAMUZZA, K, basalt, ftheta, rig, written
+from support.calibration_files import AT, CASES, FRAMES, MEI, RADTAN, SCARAMUZZA, K, basalt, ftheta, rig, written
 from support.camera_files import put
 
 PAGE = Path(__file__).parents[1] / "docs" / "sensors" / "calibration_files.md"
@@ -93,6 +93,25 @@ def test_opencv_matrices_in_base64(ending, dtype, tmp_path):
     storage.write("distortion_coefficients", np.array([[0.25, -0.125, 0, 0]], dtype))
     storage.release()
     assert load_camera(path).lens == lenses.OpenCVPinhole(*AT, (0.25, -0.125, 0, 0))
+
+
+def test_files_of_open3d(tmp_path):
+    open3d = pytest.importorskip("open3d")
+    path = str(tmp_path / "a.json")
+    open3d.io.write_pinhole_camera_intrinsic(path, open3d.camera.PinholeCameraIntrinsic(64, 48, *AT))
+    assert load_camera(path) == wv.Camera(64, 48, *AT[:2], AT[2] + 0.5, AT[3] + 0.5)
+
+
+@pytest.mark.parametrize("ending", ["txt", "bin"])
+def test_files_of_pycolmap(ending, tmp_path):
+    pycolmap = pytest.importorskip("pycolmap")
+    model = pycolmap.Reconstruction()
+    for number, parameters in ((3, (*AT, *RADTAN)), (5, (*AT, 0.1, 0, 0, 0))):
+        model.add_camera(pycolmap.Camera(camera_id=number, model="OPENCV", width=64, height=48, params=parameters))
+    model.write_text(tmp_path) if ending == "txt" else model.write_binary(tmp_path)
+    assert load_camera(f"{tmp_path}/cameras.{ending}:3").lens == lenses.OpenCVPinhole(*AT, RADTAN)
+    with pytest.raises(FileFormatError, match=r"different cameras, .*; choose one as .*:[35]"):
+        load_camera(tmp_path / f"cameras.{ending}")
 
 
 def test_frames_of_transforms_have_their_own_lens(tmp_path):

@@ -264,6 +264,10 @@ BAD = {
     "affine": (lambda: lenses.Scaramuzza(1, 2, (-9,), (1, 0, 0, -1)), "affine of Scaramuzza must be a matrix with"),
     "affine's count": (lambda: lenses.Scaramuzza(1, 2, (-9,), (1,)), "affine of Scaramuzza must be 4 numbers, got 1"),
     "center": (lambda: lenses.Scaramuzza("a", 2, (-9,)), "cx of a lens must be a finite number, got 'a'"),
+    "constant term": (
+        lambda: lenses.FTheta(1, 1, (0.0, 0.01)),
+        r"must be above 0, got 0\.0\. Leave out the constant term, k0\.",
+    ),
     "slope": (lambda: lenses.FTheta(1, 1, (-1.0,)), "the first coefficient of FTheta must be above 0"),
     "angle": (
         lambda: lenses.FTheta(1, 1, (1.0,), max_view_angle=7),

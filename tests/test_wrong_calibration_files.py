@@ -165,6 +165,11 @@ WRONG = {
         Case("nerfstudio", "t.json", {"w": 64, "h": 48, "frames": []}, PINHOLE),
         r"defines no focal length: fl_x \[px\]",
     ),
+    "open3d, no size": (changed("PinholeCameraIntrinsic", (("width",), None)), r"width \[px\] is missing"),
+    "open3d, by rows": (
+        changed("PinholeCameraIntrinsic", (("intrinsic_matrix",), K)),
+        r"K must be \[\[fx, 0, cx\], .*got its transpose",
+    ),
     "bop, id": (CASES["scene_camera.json"]._replace(name="4"), "has no camera '4'; it has 3, 5"),
     "bop, several": (CASES["scene_camera.json"]._replace(name=""), "different cameras, .*; choose one as .*:3"),
     "realsense, several": (CASES["64x48"]._replace(name=""), "has the cameras 64x48, 128x96; choose one as .*:64x48"),

@@ -253,6 +253,12 @@ CASES = {
         {"frames": nerfstudio()["frames"]} | {"camera_angle_x": 2 * math.atan(32 / 60), "w": 64, "h": 48},
         lenses.OpenCVPinhole(60, 60, 32, 24),
     ),
+    "PinholeCameraIntrinsic": Case(
+        "Open3D",
+        "intrinsic.json",
+        {"width": 64, "height": 48, "intrinsic_matrix": [60.0, 0, 0, 0, 58.0, 0, F[2], F[3], 1]},
+        PINHOLE,
+    ),
     "camera.json": Case("BOP", "camera.json", FOCAL | {"width": 64, "height": 48, "depth_scale": 0.1}, PINHOLE),
     "scene_camera.json": Case(
         "BOP", "a/b/scene_camera.json", {"3": {"cam_K": [9.0, *K[1:]]}, "5": {"cam_K": K}}, PINHOLE, "5"

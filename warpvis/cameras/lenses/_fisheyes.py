@@ -149,7 +149,8 @@ class FTheta(Lens):
             raise CameraError(f"max_view_angle must be above 0 and at most pi radians, got {self.max_view_angle!r}")
         object.__setattr__(self, "max_view_angle", float(self.max_view_angle))
         if self.coefficients[0] <= 0:
-            raise CameraError(f"the first coefficient of FTheta must be above 0, got {self.coefficients[0]!r}")
+            hint = ". Leave out the constant term, k0." if self.coefficients[0] == 0 else ""
+            raise CameraError(f"the first coefficient of FTheta must be above 0, got {self.coefficients[0]!r}{hint}")
 
     @property
     def max_angle(self) -> float:

@@ -28,7 +28,9 @@ from warpvis.io.cameras._json import (
     is_bop,
     is_bop_images,
     is_nerfstudio,
+    is_open3d,
     nerfstudio_camera,
+    open3d_camera,
 )
 from warpvis.io.cameras._kalibr import is_kalibr, kalibr_camera
 from warpvis.io.cameras._making import NoPinholeError, image_size, make_camera, only_camera
@@ -68,7 +70,7 @@ def load_camera(name_or_path: str, *, distortion: bool = True) -> ImageCamera:
       [rad] (optionally ``vertical``), or ``K`` (3x3, optionally ``pixel_center``); see `Camera.from_fov` and
       `Camera.from_K`; or a ``lens``, as written by ``render_batch``.
     - Calibrations of OpenCV, ROS, Kalibr, camodocal (VINS-Fusion), ORB-SLAM, Basalt, OCamCalib, RealSense cameras and
-      NVIDIA's rigs; cameras of COLMAP, nerfstudio, instant-ngp, Blender's NeRF sets, BOP and TUM. The table in
+      NVIDIA's rigs; cameras of COLMAP, nerfstudio, instant-ngp, Blender's NeRF sets, Open3D, BOP and TUM. The table in
       ``docs/sensors/calibration_files.md`` lists their files, models and limits.
 
     If a file has several cameras, a colon and a name select one: ``camchain.yaml:cam1``, ``cameras.txt:7`` (the id),
@@ -119,6 +121,7 @@ _FORMATS: tuple[tuple[Callable[[Mapping[str, Any]], bool], _Reader], ...] = (
     (is_opencv, opencv_camera),
     (is_kalibr, kalibr_camera),
     (is_nerfstudio, nerfstudio_camera),
+    (is_open3d, open3d_camera),
     (is_bop, bop_camera),
     (is_bop_images, bop_images_camera),
 )

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras from JSON files: ``transforms.json`` of nerfstudio and instant-ngp, and BOP's two files.
+"""Cameras from JSON files: ``transforms.json`` of nerfstudio and instant-ngp, BOP's two files, and Open3D's.
 
 Formats: https://docs.nerf.studio/quickstart/data_conventions.html,
 https://github.com/NVlabs/instant-ngp/blob/master/src/nerf_loader.cu,
-https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md
+https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md,
+https://www.open3d.org/docs/release/python_api/open3d.camera.PinholeCameraIntrinsic.html
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from functools import partial
 from pathlib import Path, PurePath
 
 from warpvis.cameras import ImageCamera
-from warpvis.cameras.lenses import NERF_PINHOLES, Lens, lens_from_nerfstudio, nerfstudio_model
+from warpvis.cameras.lenses import NERF_PINHOLES, Lens, lens_from_nerfstudio, lens_from_opencv, nerfstudio_model
 from warpvis.core.checks import truncate
 from warpvis.core.file_content import read_json
 from warpvis.core.types import Json
@@ -169,6 +170,22 @@ def bop_camera(path: Path, fields: Mapping[str, Json], name: str = "", *, distor
         as_numbers(fields[key], (), f"{path}: {key}").item() for key in ("width", "height", "fx", "fy", "cx", "cy")
     )
     return make_pinhole(str(path), (width, height), intrinsics)
+
+
+def is_open3d(fields: Mapping[str, Json]) -> bool:
+    """Return whether a JSON object is Open3D's ``PinholeCameraIntrinsic``."""
+    return "intrinsic_matrix" in fields
+
+
+def open3d_camera(path: Path, fields: Mapping[str, Json], name: str = "", *, distortion: bool = True) -> ImageCamera:
+    """Read Open3D's pinhole, whose matrix is stored by columns."""
+    only_camera(path, name)
+    missing = next((key for key in ("width", "height") if key not in fields), None)
+    if missing is not None:
+        raise FileFormatError(f"{path}: {missing} [px] is missing")
+    width, height = (as_numbers(fields[key], (), f"{path}: {key} [px]").item() for key in ("width", "height"))
+    k = as_numbers(fields["intrinsic_matrix"], (9,), f"{path}: intrinsic_matrix").reshape(3, 3).T
+    return make_camera(str(path), (width, height), partial(lens_from_opencv, k, None), distortion=distortion)
 
 
 def is_bop_images(fields: Mapping[str, Json]) -> bool:
