@@ -425,10 +425,15 @@ def test_laser_scan_angles_match_message():
 
 @pytest.mark.parametrize(
     ("model", "count", "rate", "ends"),
-    [("A1", 1454, 5.5, (0.15, 12)), ("a2", 800, 10, (0.15, 12)), ("A3", 1600, 10, (0.2, 25))],
+    [
+        ("A1", 1454, 5.5, (0.15, 12)),
+        ("a2", 800, 10, (0.15, 12)),
+        ("A3", 1600, 10, (0.2, 25)),
+        ("S2", 3200, 10, (0.05, 30)),
+    ],
 )
 def test_rplidar_matches_data_sheet(model, count, rate, ends):
-    """An A2 has 0.45 degrees, and an A3 0.225 degrees at 10 Hz."""
+    """An A2 has 0.45 degrees, an A3 0.225 and an S2 0.1125 degrees at 10 Hz."""
     rays = lidars.rplidar(model)
     azimuth, elevation = angles(rays)
     assert azimuth.shape == (count,) and not elevation.any() and (rays.near, rays.far) == ends
@@ -438,7 +443,7 @@ def test_rplidar_matches_data_sheet(model, count, rate, ends):
 
 
 BAD = {
-    "an unknown RPLIDAR": (lambda p: lidars.rplidar("A9"), 'model must be "A1", "A2" or "A3", got .A9.'),
+    "an unknown RPLIDAR": (lambda p: lidars.rplidar("A9"), 'model must be "A1", "A2", "A3" or "S2", got .A9.'),
     "a rate that an RPLIDAR lacks": (lambda p: lidars.rplidar("A2", 4), "rate must be a number from 5 to 15, got 4"),
     "a rate out of range": (lambda p: lidars.vlp16(30), "rate must be a number from 5 to 20, got 30"),
     "no calibration": (

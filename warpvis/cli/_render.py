@@ -82,8 +82,8 @@ class Render(ImageOptions):
     default."""
     lidar: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """Render point clouds of a lidar instead of images: vlp16, vlp32c, hdl32e, hdl64e, vls128, pandar64, xt32, qt128,
-    at128, bpearl, rplidar-a1 to -a3, os1-128, -64-u or -32 and others of Ouster, an Ouster metadata file (.json), or
-    mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
+    at128, bpearl, rplidar-a1 to -a3 or -s2, os1-128, -64-u or -32 and others of Ouster, an Ouster metadata file
+    (.json), or mid360:FILE and other Livox models. Poses are of its frame: x forward, y left, z up."""
     lidar_noise: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE,...")] = ()
     """With --lidar: its noise, by parameters of warpvis.sensors.LidarNoise that are numbers, such as
     sigma=0.02,dropout=0.01,detection_range=40. --sensor-seed is the seed of the random numbers."""

@@ -19,11 +19,13 @@ _TURN = 2.0 * math.pi
 
 # Samples per second; minimum, typical and maximum scan rate [Hz]; minimum and maximum range [m]. Sources: Slamtec's
 # data sheets of the A1M8 (2016, page 7), the A2M8 (revision 2.5, page 3) and the A3M1 (enhanced mode); and range_min of
-# rplidar_ros (src/node.cpp at 3cd94fe) for the A2.
+# rplidar_ros (src/node.cpp at 3cd94fe) for the A2. Those of the S2 are of Slamtec's page slamtec.com/en/s2/spec (90 %
+# reflectivity) and its data sheet 2.0 (rates), which were read as others cite them, not in the original.
 _RPLIDARS = {
     "A1": (8000, (1.0, 5.5, 10.0), (0.15, 12.0)),
     "A2": (8000, (5.0, 10.0, 15.0), (0.15, 12.0)),
     "A3": (16_000, (5.0, 10.0, 15.0), (0.2, 25.0)),
+    "S2": (32_000, (8.0, 10.0, 15.0), (0.05, 30.0)),
 }
 
 
@@ -97,11 +99,11 @@ def rplidar(model: str, rate: float | None = None, *, near: float | None = None,
     """Return the rays of a revolution of a Slamtec RPLIDAR, a planar scanner that rotates clockwise.
 
     Args:
-        model: ``"A1"``, ``"A2"`` or ``"A3"``: 8000, 8000 and 16,000 samples per second, at most.
-        rate: Revolutions per second, 1 to 10 Hz for an A1, 5 to 15 Hz for the others; by default the typical rate, 5.5
-            or 10 Hz.
-        near: Minimum measured range [m]; by default that of the model, 0.15, 0.15 or 0.2 m.
-        far: Maximum measured range [m]; by default that of the model for white objects, 12, 12 or 25 m.
+        model: ``"A1"``, ``"A2"``, ``"A3"`` or ``"S2"``: 8000, 8000, 16,000 and 32,000 samples per second, at most.
+        rate: Revolutions per second, 1 to 10 Hz for an A1, 5 to 15 Hz for an A2 or A3, 8 to 15 Hz for an S2; by
+            default the typical rate, 5.5 Hz for an A1, 10 Hz for the others.
+        near: Minimum measured range [m]; by default that of the model, 0.15, 0.15, 0.2 or 0.05 m.
+        far: Maximum measured range [m]; by default that of the model for white objects, 12, 12, 25 or 30 m.
 
     Returns:
         Rays of shape ``(rays,)`` in the plane z = 0, the first one along x, with times, as from `laser_scan`.
