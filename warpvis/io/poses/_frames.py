@@ -63,7 +63,7 @@ def read_frames(
     quaternion: QuaternionOrder = "xyzw",
     file_format: PoseFormat | None = None,
     topic: str | None = None,
-    distortion: bool = False,
+    distortion: bool = True,
 ) -> Frames:
     """Read camera poses and other data of frames from a pose file.
 
@@ -96,7 +96,7 @@ def read_frames(
         file_format: The file's format; by default determined from its suffix, or the content of JSON files.
         topic: For ROS bags, the topic to read.
         distortion: Whether the frames' camera has its lens, as for `warpvis.io.load_camera`; for a bag, it is then the
-            camera of the raw images, otherwise of the rectified ones. By default it is a pinhole, and a warning is
+            camera of the raw images, otherwise of the rectified ones. If False, it is a pinhole, and a warning is
             issued if distortion was dropped.
 
     Returns:
@@ -115,7 +115,7 @@ def read_pose_file(
     quaternion: QuaternionOrder = "xyzw",
     file_format: PoseFormat | None = None,
     topic: str | None = None,
-    distortion: bool = False,
+    distortion: bool = True,
 ) -> tuple[Frames, FilePoses]:
     """Read frames as `read_frames` does; return also the content of the file, with the names of its images."""
     path = as_path(path)
@@ -245,7 +245,7 @@ def _keys_by_id(path: Path, data: dict[str, Json]) -> dict[int, str]:
     return keys
 
 
-def parse_nerfstudio(path: Path, data: Json, *, distortion: bool = False) -> FilePoses:
+def parse_nerfstudio(path: Path, data: Json, *, distortion: bool) -> FilePoses:
     """Read the poses of the file's ``frames``, in the file's order and world frame."""
     if isinstance(data, dict) and "frames" not in data:
         raise FileFormatError(f'{path}: has no list "frames", which holds the poses of nerfstudio\'s files')
@@ -278,7 +278,7 @@ def _text(value: Json) -> str | None:
     return value if isinstance(value, str) and value else None
 
 
-def read_colmap(path: Path, *, distortion: bool = False) -> FilePoses:
+def read_colmap(path: Path, *, distortion: bool) -> FilePoses:
     """Read the poses of a model's images, sorted by the images' names, and their camera if they share one."""
     images = colmap_images(path)
     turns = np.array([image.rotation for image in images]).reshape(-1, 4)

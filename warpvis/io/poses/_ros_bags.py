@@ -38,7 +38,7 @@ class _Stamped(NamedTuple):
     row: list[float]
 
 
-def read_bag(path: Path, *, topic: str | None = None, distortion: bool = False) -> FilePoses:
+def read_bag(path: Path, *, topic: str | None = None, distortion: bool) -> FilePoses:
     """Read the poses of one topic of a bag, in the order of the bag's messages.
 
     The topic is one of geometry_msgs/PoseStamped, PoseWithCovarianceStamped, TransformStamped or PoseArray,

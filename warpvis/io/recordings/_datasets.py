@@ -81,7 +81,7 @@ def read_tum(path: Path) -> Found:
 
 def _tum_camera(path: Path, depth: Path) -> tuple[ImageCamera | None, str]:
     if is_file(path / "calibration.txt"):
-        return load_camera(str(path / "calibration.txt"), distortion=True), "calibration.txt"
+        return load_camera(str(path / "calibration.txt")), "calibration.txt"
     # The lists begin with the name of the bag that they were made from, "# file: 'rgbd_dataset_freiburg1_rpy.bag'".
     comments = [line for line in (path / "depth.txt").read_text(errors="replace").splitlines()[:5] if line[:1] == "#"]
     text = " ".join([path.absolute().name, *comments])

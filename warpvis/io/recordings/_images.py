@@ -37,7 +37,7 @@ def read_images(path: Path, poses: Path | None) -> Found:
     poses = poses or next((path / name for name in _POSE_FILES if is_file(path / name)), None)
     content = None
     if poses is not None and poses.suffix.lower() != ".log":
-        content = read_pose_file(poses, distortion=True)
+        content = read_pose_file(poses)
         frames, stored = content
         if stored.depth_names and all(stored.depth_names):
             return _read_listed(poses, frames, stored)
@@ -61,7 +61,7 @@ def join_poses(found: Found, poses: Path, content: tuple[Frames, FilePoses] | No
     if poses.suffix.lower() == ".log":
         rows = read_log(poses, len(depths))
         return _with_poses(found, rows, None, poses)
-    frames, stored = content or read_pose_file(poses, distortion=True)
+    frames, stored = content or read_pose_file(poses)
     if stored.image_names is not None:
         by_name = {Path(name).stem: row for row, name in enumerate(stored.image_names) if name}
         index = np.array([by_name.get(depth.stem, -1) for depth in depths])
