@@ -100,7 +100,13 @@ from reference_mirrors import (  # noqa: F401
     mirror_lights,
     mirror_views,
 )
-from reference_motion import begin_legs, cast_at_moving_objects, cast_moving_rays, measure_moving_incidence  # noqa: F401
+from reference_motion import (  # noqa: F401
+    back_project_moving,
+    begin_legs,
+    cast_at_moving_objects,
+    cast_moving_rays,
+    measure_moving_incidence,
+)
 from reference_moving_occluders import clear_hidden_worlds  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,

@@ -112,7 +112,9 @@ def measure_lidar(
     near, far = rays.near * length, rays.far * length
     distance = clean["true_depth"].astype(np.float64) * length
     numbers, margins = Draws(draws, distance.shape[1:], seed), []
-    world = np.einsum("vij,yxj->vyxi", poses_to_matrices(poses)[:, :3, :3], along / length[..., None])
+    rotations = poses_to_matrices(poses)[..., :3, :3]  # of views, or of rays
+    rotations = rotations if rotations.ndim == 5 else rotations[:, None, None]
+    world = (rotations @ (along / length[..., None])[..., None])[..., 0]
     cosine = np.abs((world * clean["normals"]).sum(axis=-1))
     shares = np.asarray(reflectivity, dtype=np.float64)[clean["segmentation"]]
     drops = _drops(model, numbers, near, far, margins)

@@ -115,3 +115,10 @@ def measure_moving_incidence(poses: NDArray, directions: NDArray, normals: NDArr
     """Return cosines between rays (H, W, 3) in the frames of their poses (H, W, 7) and normals (H, W, 3)."""
     along = np.einsum("yxij,yxj->yxi", poses_to_matrices(poses)[..., :3, :3], directions)
     return np.abs((along * normals).sum(axis=-1))
+
+
+def back_project_moving(poses: NDArray, rays: NDArray, origins: NDArray | float, depth: NDArray) -> NDArray[np.float64]:
+    """Return world points at depths (H, W) along rays (H, W, 3) in the frames of their poses (H, W, 7)."""
+    matrices = poses_to_matrices(poses)
+    local = origins + rays * np.where(np.isfinite(depth), depth, np.nan)[..., None]
+    return np.einsum("yxij,yxj->yxi", matrices[..., :3, :3], local) + matrices[..., :3, 3]

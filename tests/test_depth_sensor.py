@@ -312,7 +312,7 @@ LENS = wv.Camera.from_opencv(CAMERA.to_K(), [0.1, 0, 0, 0], 45, 30)
                 scene, CAMERA, wv.sensors.Motion.from_twist(POSES, (0, 0, 1), (0, 0, 0)), frame=0, sensor=Noisy()
             ),
             "CameraError",
-            "sensor must be None for a Motion",
+            "sensor must be a LidarNoise or None for a Motion",
         ),
     ],
 )

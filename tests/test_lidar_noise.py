@@ -201,14 +201,50 @@ def test_single_returns_have_the_noise_of_images(device):
     """With one ray in a beam, `apply` measures what the sensor does, also for a moving lidar."""
     scene, rays = room(device), lidars.even(16, (-0.5, 0.3), increment=math.radians(2.5), rate=10.0)
     model = dataclasses.replace(FULL, reflectivity=1.0)
-    seen = wv.render(scene, rays, POSES, outputs=("depth", "reasons"), sensor=model, **NUMBERS)
-    expected = np.where(seen.reasons.numpy() == Reason.VALID, seen.depth.numpy(), np.inf)
-    for poses in (POSES, sensors.Motion([POSES, POSES], [0.0, 0.1])):
+    for poses in (POSES, sensors.Motion.from_twist(POSES, (3.0, 1.0, 0.0), (0.0, 0.0, 2.0))):
+        seen = wv.render(scene, rays, poses, outputs=("depth", "reasons"), sensor=model, **NUMBERS)
+        expected = np.where(seen.reasons.numpy() == Reason.VALID, seen.depth.numpy(), np.inf)
         exact = wv.render(scene, rays, poses, outputs=("depth", "normals", "segmentation"))
         strength = sensors.reflect(scene, exact, sensors.measure_incidence(exact, rays, poses))
         found = model.apply(sensors.gather_returns(exact.depth, strength, 1), rays, **NUMBERS)
         agree = np.isclose(found.range.numpy()[:, 0], expected, rtol=1e-4)
         assert agree.mean() > 0.998
+
+
+@pytest.mark.parametrize("kind", ["range", "origins", "z"])
+def test_moving_lidar_matches_the_reference(device, kind):
+    scene, times = room(device), np.broadcast_to(np.linspace(0, 0.1, 144), (16, 144))
+    even, starts = lidar(), POSES
+    options = {"times": times, "rings": even.rings, "near": 0.4, "far": 3.4, "axes": "ros_body"}
+    rays = cameras.Rays(even.directions, **options)
+    if kind == "origins":
+        rays = cameras.Rays(even.directions, 0.05 * even.directions, **options)
+    if kind == "z":
+        flat = planar()
+        rays = cameras.Rays(flat.directions, times=times[:, :40], rings=flat.rings, near=0.4, far=3.4, kind="z")
+        starts = np.stack([wv.look_at((0, 0, 0), at) for at in [(1, -0.2, 0), (1, 1, 0), (-1, 0, -0.5)]])
+    motion = sensors.Motion.from_twist(starts, (2.0, 1.0, 0.0), (0.0, 0.0, 2.0))
+    views = wv.render(scene, rays, motion, outputs=(*OUTPUTS, "points"), sensor=FULL, **NUMBERS)
+    seen = images(views, (*OUTPUTS, "points"))
+    poses = np.moveaxis(motion.at(rays.times), 2, 0)
+    shares = [DARK[name] for name in ("room", "ball")]
+    said = reference.measure_lidar(FULL, rays, poses, seen, shares, DRAWS, 3)
+    sure = said.margin > 1e-3
+    assert sure.mean() > 0.95
+    np.testing.assert_array_equal(seen["reasons"][sure], said.reasons[sure])
+    np.testing.assert_allclose(seen["depth"][sure], said.depth[sure], rtol=1e-4)
+    origins = 0.0 if rays.origins is None else rays.origins
+    for view in range(3):
+        points = reference.back_project_moving(poses[view], rays.rays, origins, seen["depth"][view])
+        np.testing.assert_allclose(seen["points"][view], points, atol=2e-6)
+    still = wv.render(scene, rays, starts, outputs=OUTPUTS, sensor=FULL, **NUMBERS)
+    stopped = wv.render(scene, rays, sensors.Motion([starts] * 2, [0.0, 0.1]), outputs=OUTPUTS, sensor=FULL, **NUMBERS)
+    ball = [[1.5, -0.5, 0, 0, 0, 0, 1]]
+    rest = sensors.Motion([ball, ball], [0.0, 0.1])
+    at_rest = wv.render(scene, rays, starts, object_poses=rest, outputs=OUTPUTS, sensor=FULL, **NUMBERS)
+    for found in (stopped, at_rest):
+        same = np.isclose(still.depth.numpy(), found.depth.numpy(), atol=1e-5, equal_nan=True)
+        assert same.mean() > 0.998
 
 
 @pytest.mark.parametrize(
@@ -246,9 +282,9 @@ def test_unsupported_rays_and_scenes_raise():
         wv.render(scene, lidar(), POSES, sensor=LidarNoise(ring_offsets=[0.1]))
     with pytest.raises(wv.errors.SceneError, match="the scene has no object 'cat', given in reflectivity"):
         wv.render(scene, lidar(), POSES, sensor=LidarNoise(reflectivity={"cat": 0.1}))
-    with pytest.raises(wv.errors.CameraError, match="sensor must be None for a Motion"):
-        motion = sensors.Motion([POSES[0]] * 2, [0.0, 0.1])
-        wv.render(scene, lidars.vlp16(), motion, sensor=LidarNoise())
+    motion = sensors.Motion([POSES[0]] * 2, [0.0, 0.1])
+    with pytest.raises(wv.errors.CameraError, match="sensor must be a LidarNoise or None for a Motion"):
+        wv.render(scene, lidars.vlp16(), motion, sensor=sensors.randomized(LidarNoise(), sigma=(0.0, 0.1)))
 
 
 def test_invalid_returns_raise():

@@ -69,3 +69,31 @@ def measure_moving_incidence(
     frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
     along = wp.quat_rotate(frame.rotation, directions_in[y, x])
     incidence_out[view, y, x] = float(wp.abs(wp.dot(along, wp.vec3d(normals_in[view, y, x]))))
+
+
+@wp.kernel
+def back_project_moving(
+    # Cameras:
+    sensor: Motion,
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    origins_in: wp.array2d[wp.vec3d],
+    times_in: wp.array2d[wp.float64],
+    depth_in: wp.array3d[float],
+    # Out:
+    points_out: wp.array3d[wp.vec3],
+):
+    """Write the world point at a depth along every ray; NaN without depth. See `cast_moving_rays` for inputs."""
+    view, y, x = wp.tid()
+    view, y = locate(window, view, y)
+
+    point = wp.vec3(wp.nan, wp.nan, wp.nan)
+    depth = depth_in[view, y, x]
+    if wp.isfinite(depth):
+        frame = sensor_at(sensor, view, y, x, time_of(sensor, times_in, view, y, x))
+        offset = wp.float64(depth) * rays_in[y, x]
+        if origins_in:
+            offset += origins_in[y, x]
+        point = wp.vec3(frame.origin + wp.quat_rotate(frame.rotation, offset))
+    points_out[view, y, x] = point

@@ -167,6 +167,7 @@ def measure_lidar(
     rays_in: wp.array2d[wp.vec3d],
     rings_in: wp.array2d[wp.int32],
     ring_offsets_in: wp.array[float],
+    incidence_in: wp.array3d[float],
     model: LidarModel,
     inputs: SensorInputs,
     span: int,
@@ -176,7 +177,8 @@ def measure_lidar(
     """Write the measured depth of every ray, and the reason for missing depth.
 
     `rays_in` have depth 1, and only the depth range of `inputs.camera` is read. `rings_in` is None if rings have no
-    errors, and `ring_offsets_in` [m] if these are unknown. Each thread takes `span` rays of a row.
+    errors, and `ring_offsets_in` [m] if these are unknown. `incidence_in`, for a motion, are cosines of incidence times
+    the length of rays; None if they follow from `rays_to_world`. Each thread takes `span` rays of a row.
     """
     view, y, part = wp.tid()
     view, y = locate(window, view, y)
@@ -201,8 +203,12 @@ def measure_lidar(
             reflectivity = wp.float64(1.0)
             if inputs.segmentation:
                 reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
-            along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
-            cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
+            cosine = wp.float64(0.0)
+            if incidence_in:
+                cosine = wp.float64(incidence_in[view, y, x]) / length
+            else:
+                along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
+                cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
             echo = surface_echo(model, echo.range, reflectivity, cosine)
 
         reason = loss_of(model, pixel, echo)

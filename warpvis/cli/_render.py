@@ -225,11 +225,11 @@ class Render(ImageOptions):
 
         from warpvis.cameras import Rays
         from warpvis.rendering import Renderer
-        from warpvis.sensors import Motion, gather_returns, measure_incidence, point_clouds, reflect
+        from warpvis.sensors import Motion, point_clouds
 
-        outputs = (*_CLOUD_OUTPUTS, "normals") if noise and self.moving else _CLOUD_OUTPUTS
-        sensor = None if self.moving else noise
-        prepare = partial(Renderer, scene, outputs=outputs, threads=self.threads, sensor=sensor, seed=self.sensor_seed)
+        prepare = partial(
+            Renderer, scene, outputs=_CLOUD_OUTPUTS, threads=self.threads, sensor=noise, seed=self.sensor_seed
+        )
         renderer, step = None, 1
         if isinstance(lidar, Rays):
             renderer, step = prepare(lidar), max(_RAYS_AT_ONCE // len(lidar), 1)
@@ -247,13 +247,8 @@ class Render(ImageOptions):
                 object_poses=part.object_poses,
                 world_index=part.world_index,
                 exclude=split_names(self.exclude) or None,
-                **(numbers if sensor else {}),
+                **(numbers if noise else {}),
             )
-            if noise and moves:
-                incidence = measure_incidence(views, rays, moves)
-                exact = gather_returns(views.depth, reflect(scene, views, incidence, noise.reflectivity), 1)
-                measured = noise.apply(exact, rays, seed=self.sensor_seed, **numbers, out=exact)
-                views.depth = measured.range.reshape(views.depth.shape)
             yield from point_clouds(views, rays)
 
     def _render_poses(self, poses: str | None) -> None:

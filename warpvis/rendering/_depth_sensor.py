@@ -40,7 +40,7 @@ class Exposure:
     clip_near: float
     """Distance within which surfaces are cut away [m]: the camera's near with ``near_plane="clip"``, otherwise 0."""
     poses: wp.array
-    """Camera to world, OpenCV axes, ``(V,)`` transform."""
+    """Camera to world, OpenCV axes or those of rays, ``(V,)`` transform; empty if `incidence` is given."""
     worlds: Worlds
     """The world of each view."""
     draws: wp.array
@@ -58,6 +58,9 @@ class Exposure:
     """Unit normals of the first surface in the world frame, toward the camera, if the model needs them."""
     segmentation: wp.array | None
     """Objects of the first surface, -1 without one, if the model needs them."""
+    incidence: wp.array | None
+    """For a `Motion`, the cosine of incidence of each ray times the length of the ray of depth 1, ``(V, H, W)``, if the
+    model needs normals; otherwise None."""
     depth_out: wp.array
     """Output for the measured depth, ``(V, H, W)``."""
     reasons_out: wp.array | None
@@ -143,6 +146,7 @@ class Exposure:
             true_depth=select(self.true_depth),
             normals=select(self.normals) if "normals" in needs else None,
             segmentation=select(self.segmentation) if "segmentation" in needs else None,
+            incidence=select(self.incidence),
             depth_out=select(self.depth_out),
             reasons_out=select(self.reasons_out),
         )
@@ -172,6 +176,9 @@ class DepthSensor(ABC):
     takes_lens: ClassVar[TakesLens] = "no"
     """Supported lenses: ``"no"``, ``"z"`` for lenses with depth along the axis, or ``"any"``. Models that support
     lenses must process depth pixel by pixel, and read only `Exposure.image_range` of the camera."""
+
+    takes_motion: ClassVar[bool] = False
+    """Whether the model supports motion within a frame: it reads `Exposure.incidence` instead of poses and normals."""
 
     @property
     def needs(self) -> tuple[Literal["normals", "segmentation"], ...]:

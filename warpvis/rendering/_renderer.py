@@ -243,7 +243,7 @@ class Renderer:
             PoseError: If the poses are malformed; the message lists the first few offending views.
             ArrayError: If `out`, `world_index`, `exclude` or `object_scales` does not fit.
             SceneError: If the scene is empty, or contains no object of a name in `exclude`.
-            CameraError: If a `Motion` is given and the camera's rays have no times, or there is a sensor.
+            CameraError: If a `Motion` is given and rays have no times, or the sensor is not a `LidarNoise`.
         """
         options = world_index, exclude, object_scales
         if not isinstance(quaternion, str) or quaternion != "xyzw":
@@ -386,7 +386,8 @@ class Renderer:
                 if name == "color" and self.samples > 1 and views.pixels is None:
                     smooth_edges(self.samples, views, exact, images[name], self._color_points, scratch)
         if self._sensing is not None:
-            self._sensing.measure(views, every, scratch)
+            moving = self._moving if type(views.poses) is MovingPoses else None
+            self._sensing.measure(views, every, scratch, moving)
         self._fill_depth(images)
 
     def _add_mirrors(self, frame: Frame, views: ViewBatch, color: wp.array, scratch: Scratch) -> None:
@@ -417,8 +418,10 @@ class Renderer:
 
     def _moving_caster(self) -> MovingCaster:
         """Return the caster for motions, which is made at first use."""
-        if self._sensing is not None:
-            raise CameraError("sensor must be None for a Motion: sensor models do not support motion within a frame")
+        if self._sensing is not None and not self._sensing.sensor.takes_motion:
+            raise CameraError(
+                "sensor must be a LidarNoise or None for a Motion: other models do not support motion within a frame"
+            )
         if self._computed:
             raise CameraError(
                 f"outputs must not contain {', '.join(self._computed)} for a Motion: outputs that are computed from "
@@ -428,7 +431,7 @@ class Renderer:
             raise CameraError('caster must be "rays" or "auto" for a Motion, got "packets"')
         if self._moving is None:
             single_rays = self.caster == "rays"
-            self._moving = MovingCaster(self.scene, self.camera, self._options, single_rays=single_rays)
+            self._moving = MovingCaster(self.scene, self._exact_camera, self._options, single_rays=single_rays)
         return self._moving
 
     def render_at(

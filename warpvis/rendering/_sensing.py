@@ -25,6 +25,7 @@ from warpvis.rendering._depth_kernels import launch_back_project
 from warpvis.rendering._depth_sensor import DepthSensor, Exposure, require_sensor
 from warpvis.rendering._views import pixel_type
 from warpvis.rendering.casters.base import Caster, CastOptions, ImagesByName, Scratch, ViewBatch, as_image
+from warpvis.rendering.casters.moving import MovingCaster
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.worlds import Worlds
@@ -66,18 +67,29 @@ class Sensing:
         """Images that the model reads, and the depth that it writes."""
         return "depth", "true_depth", *self.sensor.needs
 
-    def measure(self, views: ViewBatch, images: ImagesByName, scratch: Scratch) -> None:
+    def measure(
+        self, views: ViewBatch, images: ImagesByName, scratch: Scratch, moving: MovingCaster | None = None
+    ) -> None:
         """Write depth, reasons and points of all views from exact images.
 
         Args:
             views: The views, with the numbers of `view_numbers`.
             images: Images by name: those in `needs`, and those requested.
             scratch: Memory for further images.
+            moving: The caster of the images, if poses are a motion.
         """
         device = self._scene.device
         assert views.numbers is not None  # a renderer with a sensor always numbers its views
-        needs, poses, words = self.sensor.needs, views.poses_on(device), views.numbers.astype(np.uint32)
+        needs, words = self.sensor.needs, views.numbers.astype(np.uint32)
         images = {name: as_image(image) for name, image in images.items()}
+        incidence = None
+        if moving is None:
+            poses = views.poses_on(device)
+        else:
+            poses = wp.empty(0, dtype=wp.transform, device=device)
+            if "normals" in needs:
+                incidence = scratch.array("incidence", images["normals"].shape, wp.float32)
+                moving.measure_incidence(views, images["normals"], incidence)
         exposure = Exposure(
             scene=self._scene,
             camera=self.camera,
@@ -91,13 +103,16 @@ class Sensing:
             true_depth=images["true_depth"],
             normals=images["normals"] if "normals" in needs else None,
             segmentation=images["segmentation"] if "segmentation" in needs else None,
+            incidence=incidence,
             depth_out=images["depth"],
             reasons_out=images.get("reasons"),
             scratch=scratch.array,
             cast=partial(self._cast_at, scratch),
         )
         self.sensor.measure(exposure)
-        if "points" in images:
+        if "points" in images and moving is not None:
+            moving.back_project(views, images["depth"], images["points"])
+        elif "points" in images:
             launch_back_project(self.camera, poses, images["depth"], images["points"], self._threads)
 
     def _cast_at(

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, ClassVar, Literal, cast
 
 import numpy as np
 import warp as wp
@@ -91,6 +91,8 @@ class LidarNoise(DepthSensor):
     false_range: float = 3.0
     """Mean range of returns from drops [m]."""
 
+    takes_motion: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         for name in (*_ERRORS, "rain"):
             check_number(getattr(self, name), name, minimum=0.0)
@@ -127,6 +129,11 @@ class LidarNoise(DepthSensor):
             return ()
         plain = is_number(self.reflectivity) and self.reflectivity == 1.0
         return ("normals",) if plain else ("normals", "segmentation")
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """Scratch memory per pixel [B]: cosines of incidence of a moving lidar."""
+        return 4 if self.needs else 0
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the rays if they can be used with the sensor and the scene.
@@ -169,7 +176,7 @@ class LidarNoise(DepthSensor):
         if exposure.segmentation is not None:
             values = reflectivities(exposure.scene, self.reflectivity)
             inputs.reflectivity = wp.array(values, dtype=wp.float32, device=device)
-        given = [rays_on_device(rays, device), *self._rings(rays, device), model, inputs]
+        given = [rays_on_device(rays, device), *self._rings(rays, device), exposure.incidence, model, inputs]
         span = _span(rays, device)
         exposure.launch(measure_lidar, *given, span, kernel_images(exposure), cameras=[exposure.poses], rows=True)
 
@@ -184,7 +191,7 @@ class LidarNoise(DepthSensor):
         view_index: ArrayInput | None = None,
         out: Returns | None = None,
     ) -> Returns:
-        """Add the noise to exact returns of `gather_returns`, such as dual returns, or those of a moving lidar.
+        """Add the noise to exact returns of `gather_returns`, such as dual returns.
 
         Power follows from the intensity of returns instead of `reflectivity`. A return from a drop of rain replaces the
         first return of its beam if it is nearer; its intensity is that of the weakest detected return.

@@ -120,6 +120,28 @@ class MovingCaster(RaysCaster):
             threads=self._options.threads,
         )
 
+    def measure_incidence(self, views: ViewBatch, normals: wp.array, out: wp.array) -> None:
+        """Write the cosine of incidence of every ray, times the length of the camera's ray."""
+        from warpvis.kernels.casting.moving_rays import measure_moving_incidence
+
+        self._launch_motion(measure_moving_incidence, views, [self._rays, self._times, normals, out])
+
+    def back_project(self, views: ViewBatch, depth: wp.array, points: wp.array) -> None:
+        """Write the world points of depths along rays, each at its time."""
+        from warpvis.kernels.casting.moving_rays import back_project_moving
+
+        self._launch_motion(back_project_moving, views, [self._rays, self._origins, self._times, depth, points])
+
+    def _launch_motion(self, kernel: wp.Kernel, views: ViewBatch, inputs: list[wp.array | None]) -> None:
+        sensor, shape = views.poses.sensor, (views.count, *self._image)
+        launch_images(
+            kernel,
+            shape,
+            lambda window: [sensor, window, *inputs],
+            device=self._scene.device,
+            threads=self._options.threads,
+        )
+
     def _parse_objects(self, motion: Motion, starts: np.ndarray | None) -> MotionStruct:
         if motion.starts is not None:
             raise ArrayError("starts must be given to the motion of camera_to_world, not to that of object_poses")
