@@ -5,8 +5,8 @@
 ``python bench/hole_statistics.py recordings/*.png --focal 613`` prints, for 16-bit depth images in millimeters and for
 the model in ten views of a table in a room: the fraction of lost pixels, the number of connected holes per image, the
 fraction of lost pixels in small holes, and the fraction of pixels of the largest plane that are lost, by angle of
-incidence. The model is shown with its windows, and with one decision per pixel by the angle. Recordings are not part of
-this repository; docs/sensors/depth_cameras.md names those that it cites.
+incidence. The model is shown with its windows, with one decision per pixel by the angle, and as `MatchedStereo`.
+Recordings are not part of this repository; docs/sensors/depth_cameras.md names those that it cites.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ PER_PIXEL = dataclasses.replace(
     min_signal=math.cos(math.radians(85.0)),
     full_signal=math.cos(math.radians(60.0)),
 )
+MATCHED = wv.sensors.MatchedStereo(WINDOWS.baseline, native_camera=WINDOWS.camera())
 
 
 def make_room() -> wv.Scene:
@@ -55,7 +56,7 @@ def make_room() -> wv.Scene:
     return scene
 
 
-def simulate(sensor: wv.sensors.StereoDepth) -> NDArray[np.float32]:
+def simulate(sensor: wv.rendering.DepthSensor) -> NDArray[np.float32]:
     """Return measured depth of ten views of the table, NaN where lost."""
     random = np.random.default_rng(0)
     eyes, targets = random.uniform((0.6, -0.9, 1.1), (1.5, 0.9, 1.7), (10, 3)), random.uniform(-0.3, 0.3, 10)
@@ -116,7 +117,7 @@ def main() -> None:
         images = np.stack([read_depth(path, unit=0.001) for path in arguments.recordings])
         height, width = images.shape[1:]
         report("recorded", images, wv.Camera(width, height, *2 * [arguments.focal], width / 2, height / 2))
-    for name, sensor in (("D435", WINDOWS), ("per pixel", PER_PIXEL)):
+    for name, sensor in (("D435", WINDOWS), ("per pixel", PER_PIXEL), ("matched", MATCHED)):
         report(name, simulate(sensor), sensor.camera())
 
 

@@ -60,6 +60,21 @@ def depth_sensor_cases(path):
             {"fit": wv.sensors.fit(pictures, wide, baseline=0.05), "path": path / "fit.png"},
         ),
         "read_depth": (wv.io.read_depth, {"path": _picture(path), "unit": 0.001}),
+        "MatchedStereo": (
+            wv.sensors.MatchedStereo,
+            {
+                "baseline": 0.05,
+                "max_disparity": 64,
+                "window": 5,
+                "dots": 100,
+                "ambient": 0.1,
+                "noise": 0.01,
+                "min_contrast": 0.1,
+                "uniqueness": 5,
+                "reflectivity": {"box": 0.5},
+                "native_camera": CAMERA,
+            },
+        ),
         "StereoDepth": (
             wv.sensors.StereoDepth,
             {
