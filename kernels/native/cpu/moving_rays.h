@@ -48,6 +48,8 @@ struct MovingMemory {
 
 // Bundles of a moving sensor, as units of work.
 struct MovingBundles {
+    // A view of a surface so near that more tests in double precision than this are made for a ray is left.
+    enum { MAX_EXACT_TESTS = 12 };
     typedef MovingJob Work;
     typedef MovingMemory Memory;
 
@@ -69,11 +71,14 @@ struct MovingBundles {
             return;
         }
         RayTree tree = memory.tree.of(rest);
+        int exact_tests = MAX_EXACT_TESTS * made.rays();
+        tree.origins.exact_tests = &exact_tests;
         tree.origins.max_p = made.max_p, tree.origins.max_q = made.max_q, tree.origins.reach = made.reach();
         for (int i = 0; i < 3; ++i)
             for (int k = 0; k < 3; ++k) pose.position[k] += made.eye[i] * pose.axis[i][k];
         const Job job = table.job_of(made);
         Bundles<ORIGIN_RAYS>::cast(scene, table, out, memory.table, {job, tree, bundle, pose, index}, mode);
+        if (tree.origins.is_exhausted()) table.left[index] = 1;
         for (int i = 0; number == 0 && i < table.without_rays; ++i)
             Writer::put_empty(out, (long long)index * table.height * table.width + table.without_ray[i]);
     }

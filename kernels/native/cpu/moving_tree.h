@@ -317,6 +317,12 @@ struct MovingTreeMaker {
                       -Lanes::min_of(-Lanes::load(rows + 2 * LANES)), -Lanes::min_of(-Lanes::load(rows + 3 * LANES))};
     }
 
+    inline int rays() const {
+        int count = 0;
+        for (int slot = 0; slot < tiles * (LANES * LANES); slot += LANES)
+            count += __builtin_popcount(Lanes::bits(has_ray(slot)));
+        return count;
+    }
     // Greatest distance of the origin of a ray from the eye.
     inline float reach() const {
         double square = (double)max_origin_z * max_origin_z;

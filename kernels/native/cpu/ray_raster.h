@@ -313,6 +313,7 @@ struct RayRaster {
                                                        int k, int ray) {
         const double u = tree.exact_u(ray), v = tree.exact_v(ray);
         if constexpr (KIND == TABLE_RAYS) return Exactly::covers(camera, t.corners, k, u, v);
+        tree.origins.count_exact_test();
         double along[3];
         camera.ray_at(u, v, along);
         const ExactCorners seen = corners_of_origin(camera, tree, t, k, ray);

@@ -50,7 +50,14 @@ struct RayOrigins {
     const float* range;  // [tile][RANGE_WORDS]: middles of p, q and u q - v p, then the greatest distances from these
     float max_p = 0.0f, max_q = 0.0f;  // greatest magnitudes in a bundle
     float reach = 0.0f;  // greatest distance of a ray's origin from the eye [m]
+    // Tests in double precision that are left until other methods are faster; null if there is no other.
+    int* exact_tests = nullptr;
     enum { RANGE_WORDS = 6 };
+
+    inline void count_exact_test() const {
+        if (exact_tests) --*exact_tests;
+    }
+    inline bool is_exhausted() const { return exact_tests && *exact_tests < 0; }
 };
 
 static_assert(LANES == 1 << RayFit::LANE_SHIFT && sizeof(RayFit) == RayFit::WORDS * sizeof(float),

@@ -227,6 +227,8 @@ struct Walk {
                 depth += open(bvh, camera, frustum, image, visit.child, stack + depth);
                 continue;
             }
+            if constexpr (KIND == ORIGIN_RAYS)
+                if (image.tree->origins.is_exhausted()) return;
             const long long leaf = ~visit.child;
             Triangles triangles;
             triangles.corners = bvh.leaf(leaf);

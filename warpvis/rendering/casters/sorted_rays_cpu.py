@@ -171,23 +171,14 @@ def _sort(
 
 
 def _split_in_time(tiles: NDArray[np.int64], centers: NDArray, times: NDArray[np.float64]) -> Iterator[NDArray]:
-    """Split tiles into small bundles of which each takes a small part of a frame, where single tiles do."""
+    """Split tiles into small bundles, of which each takes a small part of a frame if single tiles do."""
     moments = np.where(tiles >= 0, times.ravel()[tiles], np.nan).reshape(len(tiles), -1)
     first, last = np.nanmin(moments, axis=1), np.nanmax(moments, axis=1)
-    longest = max(float(np.ptp(times)) / _MIN_BUNDLES, _SHORT_TIME, 2 * float(np.mean(last - first)))
-
-    def split(items: NDArray) -> Iterator[NDArray]:
-        takes_long = len(items) > 1 and last[items].max() - first[items].min() > longest
-        if not takes_long and len(items) <= _MAX_MOVING_GROUPS * _LANES:
-            yield items
-            return
-        longer = int(np.argmax(np.ptp(centers[items], axis=0)))
-        order = items[np.argsort((first + last if takes_long else centers[:, longer])[items], kind="stable")]
-        cut = len(items) // 2 if len(items) < 2 * _LANES else _LANES * (len(items) // (2 * _LANES))
-        yield from split(order[:cut])
-        yield from split(order[cut:])
-
-    yield from split(np.arange(len(tiles)))
+    longest = max(float(np.ptp(times)) / _MIN_BUNDLES, _SHORT_TIME, float(np.mean(last - first)))
+    middle = (first + last) / 2
+    part = np.floor((middle - middle.min()) / longest)
+    for number in np.unique(part):
+        yield from _split(centers, np.flatnonzero(part == number), _LANES, _MAX_MOVING_GROUPS * _LANES)
 
 
 def _with_times(in_face: NDArray[np.bool_], positions: NDArray, times: NDArray[np.float64] | None) -> NDArray:
