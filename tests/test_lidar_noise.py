@@ -250,8 +250,10 @@ def test_moving_lidar_matches_the_reference(device, kind):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"sigma": -1.0}, "sigma must be a finite number from 0 up"),
-        ({"resolution": np.inf}, "resolution must be a finite number from 0 up"),
+        ({"sigma": -1.0}, "sigma must be a finite number of m from 0 up, got -1.0"),
+        ({"resolution": np.inf}, "resolution must be a finite number of m from 0 up, got inf"),
+        ({"rain": "heavy"}, "rain must be a finite number of mm/h from 0 up, got 'heavy'"),
+        ({"power_sigma": -0.1}, "power_sigma must be a finite number from 0 up"),
         ({"dropout": 1.5}, "dropout must be a number from 0 to 1"),
         ({"false_returns": "often"}, "false_returns must be a number from 0 to 1"),
         ({"false_range": 0.0}, "false_range must be above 0 m"),

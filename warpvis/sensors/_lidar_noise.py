@@ -34,6 +34,7 @@ _DECIBELS = 10.0 / math.log(10.0)
 _LOG2_E = math.log2(math.e)
 _LIMITED = "weak_sigma", "power_sigma", "rain"
 _ERRORS = "sigma", "sigma_growth", "weak_sigma", "resolution", "ring_sigma", "power_sigma"
+_UNITS = dict.fromkeys(("sigma", "weak_sigma", "resolution", "ring_sigma"), " of m") | {"rain": " of mm/h"}
 _PROBABILITIES = "dropout", "false_returns"
 
 
@@ -95,7 +96,7 @@ class LidarNoise(DepthSensor):
 
     def __post_init__(self) -> None:
         for name in (*_ERRORS, "rain"):
-            check_number(getattr(self, name), name, minimum=0.0)
+            _check_size(getattr(self, name), name, _UNITS.get(name, ""))
         for name in _PROBABILITIES:
             check_number(getattr(self, name), name, minimum=0.0, maximum=1.0)
         for name in ("detection_range", "visibility"):
@@ -303,6 +304,12 @@ def _check_returns(returns: object, name: str) -> Returns:
         raise ArrayError(f"{name}.range must be a wp.array of float32 of shape (V, R, H, W) or (V, R, N)")
     check_out(returns.intensity, wp.float32, ranges.shape, name=f"{name}.intensity", device=ranges.device)
     return returns
+
+
+def _check_size(value: object, name: str, unit: str) -> None:
+    """Check that `value` is a finite number from 0 up."""
+    if not is_number(value) or not 0.0 <= value < math.inf:
+        raise ArrayError(f"{name} must be a finite number{unit} from 0 up, got {value!r}")
 
 
 def _check_distance(value: object, name: str) -> None:
