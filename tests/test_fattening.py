@@ -18,6 +18,7 @@ from warpvis.kernels.sensors.fattening import FatteningModel, fatten_surfaces
 from warpvis.kernels.sensors.noise import SensorInputs
 from warpvis.sensors import Reason, StereoDepth
 
+from support.one_pixel import compute_one_pixel_at_a_time
 from support.stereo import AHEAD, CAMERA, FULL, OUTPUTS, POSES, images, make_scene, wall_scene
 
 PLAIN = StereoDepth(0.06, shadow=False, band=False)
@@ -138,6 +139,18 @@ def test_batching_threads_and_order(device):
         np.testing.assert_array_equal(alone[name][0], whole[name][1])
         assert (name in ("depth", "reasons")) == (without[name].tobytes() != whole[name].tobytes())
     assert model.bytes_per_pixel == FULL.bytes_per_pixel + 16
+
+
+@pytest.mark.parametrize("width", [1, 15, 65, 160])
+def test_rows_equal_single_pixels(monkeypatch, width):
+    """Bit for bit, with normals and objects of the surfaces that spread: 16 pixels at a time, and one, as on a GPU."""
+    camera = dataclasses.replace(CAMERA, width=width, cx=width / 2)
+    options = {"outputs": OUTPUTS, "seed": 4, "frame": 0, "sensor": dataclasses.replace(FULL, fattening=3)}
+    rows = images(wv.render(make_scene(), camera, POSES, **options))
+    compute_one_pixel_at_a_time(monkeypatch, "fattening", "stereo")
+    single = images(wv.render(make_scene(), camera, POSES, **options))
+    for name in OUTPUTS:
+        np.testing.assert_array_equal(rows[name], single[name], err_msg=name)
 
 
 def test_edge_shift_is_that_of_the_inner_sensor():
