@@ -264,6 +264,7 @@ cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
 cast_table_packets = cast_ray_origin_packets = cast_ray_table
 cast_moving_ray_packets = cast_moving_rays
+cast_touched_rays = cast_at_moving_objects
 
 
 def _cast(

@@ -22,6 +22,9 @@ class MovingRays:
     times: wp.array[wp.float64]  # after the start of the frame [s]
     middles: wp.array[wp.float64]  # (bundles): of their times [s]
     left: wp.array[wp.int32]  # (views), Out: 1 for views that packets cannot cast
+    touched: wp.array[
+        wp.int32
+    ]  # (views, pixels), Out: bits of the objects that a ray may hit, by their index modulo 32
 
 
 @wp.struct
@@ -35,6 +38,7 @@ class MovingCall:
     origins: RayOrigins  # None: each view has its own
     moving: MovingRays
     sensor: Motion
+    objects: Motion  # of movable objects, on the same clock; None if they do not move
     poses: wp.array[wp.transform]  # not read
     worlds: Worlds
 

@@ -115,6 +115,19 @@ def parse_moving_poses(scene: Scene, motion: Motion) -> wp.array:
     return stacked([_parse_object_poses(scene, part) for part in parts])
 
 
+def without_movables(scene: Scene, worlds: Worlds) -> Worlds:
+    """Return worlds that exclude all movable objects, too."""
+    from warpvis.kernels.casting.worlds import Worlds
+
+    static = Worlds()
+    static.object_poses, static.world, static.object_sizes = worlds.object_poses, worlds.world, worlds.object_sizes
+    excluded = (pose_columns(scene) >= 0)[None]
+    if worlds.excluded is not None:
+        excluded = excluded | worlds.excluded.numpy().astype(np.bool_)
+    static.excluded = wp.array(excluded.astype(np.uint8), dtype=wp.uint8, device=scene.device)
+    return static
+
+
 def part_of(worlds: Worlds, views: slice | NDArray[np.integer]) -> Worlds:
     """Return the worlds of a subset of the views."""
     from warpvis.kernels.casting.worlds import Worlds

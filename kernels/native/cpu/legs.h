@@ -169,7 +169,7 @@ struct RelativeLeg {
 
 // The legs of a `Motion` of kernels/casting/motions.py.
 struct SensorMotion {
-    const SensorLeg* legs;  // [instant][view], or one for all views
+    const SensorLeg* legs;  // [instant][view], or one for all views; [instant][world][object]
     int rows, instants;  // of legs
     const double *times, *starts;  // [instant]; [view]: start of its frame [s]; null if there is one instant, or for 0
     bool is_screw;
@@ -178,7 +178,7 @@ struct SensorMotion {
     static inline SensorMotion of(const Motion& motion) {
         static_assert(sizeof *motion.legs.data == sizeof(SensorLeg), "Python stores rows of numbers");
         return SensorMotion{(const SensorLeg*)motion.legs.data,
-                            motion.legs.shape[1],
+                            motion.legs.shape[1] * motion.legs.shape[2],
                             motion.legs.shape[0],
                             motion.times.data,
                             motion.starts.data,
@@ -186,7 +186,7 @@ struct SensorMotion {
     }
 };
 
-// The path of one view's sensor.
+// The path of one view's sensor, or of an object.
 struct SensorPath {
     const SensorMotion& motion;
     int row;
@@ -219,6 +219,19 @@ struct SensorPath {
     inline Pose at(double time) const {
         const int instant = leg_at(time);
         return leg(instant).at(share(instant, time), motion.is_screw);
+    }
+    // Bound of the way between two times of a point at a distance from the body's origin.
+    inline double travel(double from, double to, double distance) const {
+        double way = 0.0;
+        for (int k = leg_at(from), last = leg_at(to); k <= last; ++k) {
+            const SensorLeg& part = leg(k);
+            const double begin_here = motion.times && from < begin(k) ? begin(k) : from;
+            const double end_here = has_end(k) && to > begin(k + 1) ? begin(k + 1) : to;
+            way += (end_here - begin_here) * rate(k) *
+                   (__builtin_sqrt(SensorLeg::dot(part.path, part.path)) +
+                    distance * __builtin_sqrt(SensorLeg::dot(part.vector, part.vector)));
+        }
+        return way;
     }
     // A leg near a time, relative to a pose.
     inline RelativeLeg relative(int instant, double time, const Pose& reference) const {

@@ -7,11 +7,14 @@
 
 #include "cpu/moving_tree.h"
 #include "cpu/table.h"
+#include "cpu/touched_rays.h"
 
 struct MovingJob : TableJob {
     TimedRays rays;
     SensorMotion motion;
+    SensorMotion objects;  // without legs if no object moves
     int* left;  // [view]: becomes 1 if packets cannot cast it
+    int* touched;  // [view][pixel]: bits of the objects that its ray may hit
 
     // The job of a `MovingCall` of kernels/casting/moving_ray_packets.py.
     template <class MovingCall>
@@ -20,6 +23,8 @@ struct MovingJob : TableJob {
         job.views = call.moving.left.shape[0];
         job.rays = TimedRays::of(call.moving);
         job.motion = SensorMotion::of(call.sensor);
+        job.objects = SensorMotion::of(call.objects);
+        job.touched = call.moving.touched.data;
         job.left = call.moving.left.data;
         return job;
     }
@@ -39,10 +44,12 @@ struct MovingJob : TableJob {
 struct MovingMemory {
     TableMemory table;
     MovingTree tree;
+    TouchedRays touched;
 
     static inline MovingMemory carve(Arena& arena, const MovingJob& job, int movables, int levels) {
         const TableMemory table = TableMemory::carve(arena, job.max_groups, movables, levels);
-        return MovingMemory{table, MovingTree::carve(arena, job.max_groups)};
+        const MovingTree tree = MovingTree::carve(arena, job.max_groups);
+        return MovingMemory{table, tree, TouchedRays::carve(arena, movables)};
     }
 };
 
@@ -77,6 +84,10 @@ struct MovingBundles {
         for (int i = 0; i < 3; ++i)
             for (int k = 0; k < 3; ++k) pose.position[k] += made.eye[i] * pose.axis[i][k];
         const Job job = table.job_of(made);
+        const int world = scene.movables.world_of_view(index);
+        if (table.objects.legs && world >= 0)
+            memory.touched.mark(made, scene.movables, table.objects, world, path.start, pose,
+                                table.touched + (long long)index * table.height * table.width);
         Bundles<ORIGIN_RAYS>::cast(scene, table, out, memory.table, {job, tree, bundle, pose, index}, mode);
         if (tree.origins.is_exhausted()) table.left[index] = 1;
         for (int i = 0; number == 0 && i < table.without_rays; ++i)

@@ -107,6 +107,7 @@ struct MovingTreeMaker {
     RelativeLeg leg[MAX_LEGS];  // during the times of the rays
     int legs = 0;
     double most = 0.0;  // square of the greatest rotation of a leg
+    double earliest = 0.0, latest = 0.0;  // times of rays
 
     static constexpr float MARGIN = 1e-3f;  // of bounds [px]
     static constexpr float MAX_TANGENT = 4.0f;  // of the angle between a ray and the bundle's axis
@@ -153,7 +154,7 @@ struct MovingTreeMaker {
     // First pass. The legs of all rays are between those of the first and the last time.
     inline bool move(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
                      long long first) {
-        double earliest = __builtin_inf(), latest = -__builtin_inf();
+        earliest = __builtin_inf(), latest = -__builtin_inf();
         const long long count = (long long)tiles * LANES * LANES;
         Some low = (Some)(__builtin_inf()), high = -low;
         for (long long k = 0; k < count; k += SOME) {

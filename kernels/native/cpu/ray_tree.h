@@ -14,6 +14,7 @@
 struct RayBox {
     float u0, v0, u1, v1;
 
+    inline RayBox scaled(float factor) const { return RayBox{u0 * factor, v0 * factor, u1 * factor, v1 * factor}; }
     // The rectangle that covers the pixels from (x0, y0) to (x1, y1).
     static inline RayBox of_pixels(const Image& image, int x0, int y0, int x1, int y1) {
         const float left = image.center_x, top = image.center_y;

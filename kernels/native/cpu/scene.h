@@ -51,10 +51,15 @@ struct Movables {
     const int* static_object;  // indices of static objects
     int static_count;
 
-    inline World of_view(int view) const {
+    // The world of a view, -1 if it does not exist.
+    inline int world_of_view(int view) const {
         const int index = world ? world[view] : worlds == 1 ? 0 : view;
+        return index >= 0 && index < worlds ? index : -1;
+    }
+    inline World of_view(int view) const {
+        const int index = world_of_view(view);
         World result;
-        result.exists = moving == 0 || (index >= 0 && index < worlds);
+        result.exists = moving == 0 || index >= 0;
         const long long first = (long long)(result.exists ? index : 0) * moving;
         result.poses = poses + first * POSE_WORDS;
         result.sizes = sizes ? sizes + first * SOLID_WORDS : nullptr;

@@ -98,10 +98,38 @@ class MovingCaster(RaysCaster):
         if self._packets is None or not self._packets.takes(views):
             self._cast_single_rays(views, images)
             return
-        left = self._packets.cast_motion(views.poses.sensor, views, images)
+        poses, scene = views.poses, self._scene
+        objects = poses.objects
+        if objects is None and scene.bvh().has_solids:  # which packets of rays with distinct origins cannot show
+            there = views.worlds.object_poses
+            objects = _struct_of(there.reshape((1, *there.shape)))
+        if objects is not None and "depth" not in images:
+            shape = (views.count, *self._camera.shape)
+            images = {**images, "depth": wp.empty(shape, dtype=wp.float32, device=scene.device)}
+        left, touched = self._packets.cast_motion(poses.sensor, objects, views, images)
+        if touched is not None:
+            self._cast_touched_rays(views, objects, touched, images)
         for view in np.flatnonzero(left).tolist():
             part = slice(view, view + 1)
             self._cast_single_rays(views.part(part), {name: image[part] for name, image in images.items()})
+
+    def _cast_touched_rays(
+        self, views: ViewBatch, objects: MotionStruct, touched: np.ndarray, images: ImagesByName
+    ) -> None:
+        """Add movable objects to images of static geometry where rays may hit one."""
+        from warpvis.kernels.casting.moving_objects import cast_touched_rays
+
+        bits = wp.array(touched.reshape(views.count, *self._image), dtype=wp.int32, device="cpu", copy=False)
+        rays = [self._rays, self._origins, self._times, bits, self._options.cull_backfaces, images_struct(images)]
+        triangles = self._scene.triangles(faces="faces" in images).struct
+        camera = self._camera.ray_range(clip_near=self._options.clip_near)
+        launch_images(
+            cast_touched_rays,
+            (views.count, *self._image),
+            lambda window: [triangles, camera, views.poses.sensor, window, views.worlds, objects, *rays],
+            device=self._scene.device,
+            threads=self._options.threads,
+        )
 
     def _cast_single_rays(self, views: ViewBatch, images: ImagesByName) -> None:
         from warpvis.kernels.casting.moving_objects import cast_at_moving_objects

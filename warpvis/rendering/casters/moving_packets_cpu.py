@@ -18,6 +18,7 @@ from warpvis.kernels.constants import CPU_LANES
 from warpvis.rendering.casters.base import ImagesByName, ViewBatch
 from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
 from warpvis.rendering.casters.sorted_rays_cpu import PreparedRays, component, prepare_rays
+from warpvis.scene.worlds import without_movables
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.motions import Motion as MotionStruct
@@ -30,10 +31,15 @@ _GROUP_RAYS = CPU_LANES**3
 
 @dataclass(frozen=True)
 class MovingSensor:
-    """The motion of a sensor and, after a cast, the views that packets could not cast."""
+    """The motion of a sensor and of movable objects, and results of a cast.
+
+    These are the views that packets could not cast, shape (V), and the objects that each ray may hit, shape (V, rays).
+    """
 
     motion: MotionStruct
     left: NDArray[np.int32]
+    objects: MotionStruct | None = None
+    touched: NDArray[np.int32] | None = None
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -60,23 +66,32 @@ class MovingPackets(CpuCaster):
     def takes(self, views: ViewBatch) -> bool:
         """Return whether packets can cast the rays of these views.
 
-        They cannot if objects move, or if each ray has an individual pose; and, as for other rays with distinct
-        origins, if the scene has movable analytic solids, worlds scale objects, or near surfaces are cut away.
+        They cannot if each ray has an individual pose; and, as for other rays with distinct origins, if worlds scale
+        objects, or near surfaces are cut away.
         """
-        if views.poses.objects is not None or views.poses.sensor.poses:
-            return False
         clips = self._options.clip_near and self._camera.near > 0
-        return not (clips or views.worlds.object_sizes or self._scene.bvh().has_solids)
+        return not (views.poses.sensor.poses or clips or views.worlds.object_sizes)
 
-    def cast_motion(self, motion: MotionStruct, views: ViewBatch, images: ImagesByName) -> NDArray[np.bool_]:
-        """Write images of views whose sensor moves; return which views remain, because they move too far."""
-        sensor, bundles = MovingSensor(motion, np.zeros(views.count, dtype=np.int32)), len(self._rays.rays.longest)
-        if not bundles:  # no pixel has a ray
-            return np.ones(views.count, dtype=np.bool_)
-        rays = views.count * self._camera.width * self._camera.height
-        make = partial(self._make_workspace, views.count)
-        self._run("moving", ViewBatch(sensor, views.worlds), images, rays, views.count * bundles, make)
-        return sensor.left != 0
+    def cast_motion(
+        self, motion: MotionStruct, objects: MotionStruct | None, views: ViewBatch, images: ImagesByName
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int32] | None]:
+        """Write images of views whose sensor moves, without movable objects if a motion of objects is given.
+
+        Returns:
+            Which views remain, because they move too far, and the bits of the objects that each ray may hit, by the
+            object's index modulo 32.
+        """
+        size, worlds, touched = self._camera.width * self._camera.height, views.worlds, None
+        left = np.zeros(views.count, dtype=np.int32)
+        if objects is not None:
+            worlds = without_movables(self._scene, worlds)
+            touched = np.zeros((views.count, size), dtype=np.int32)
+        bundles = len(self._rays.rays.longest)
+        if bundles:  # else no pixel has a ray
+            make = partial(self._make_workspace, views.count)
+            batch = ViewBatch(MovingSensor(motion, left, objects, touched), worlds)
+            self._run("moving", batch, images, views.count * size, views.count * bundles, make)
+        return (left != 0 if bundles else np.ones(views.count, dtype=np.bool_)), touched
 
     @cached_property
     def _rays(self) -> PreparedMovingRays:
@@ -107,8 +122,14 @@ class MovingWorkspace(Workspace):
 
     def _write_poses(self, poses: MovingSensor) -> None:
         motion: Any = poses.motion
+        objects: Any = poses.objects
         self._memory.sensor = motion.__ctype__()
         self._memory.moving.left.data = poses.left.ctypes.data
+        if objects is None or poses.touched is None:
+            self._memory.objects.legs.data = 0
+        else:
+            self._memory.objects = objects.__ctype__()
+            self._memory.moving.touched.data = poses.touched.ctypes.data
 
 
 def prepare_moving_rays(camera: AnyCamera) -> PreparedMovingRays:
