@@ -22,6 +22,7 @@ from apart_checks import (
 import warpvis as wv
 from warpvis.cameras import Rays
 from warpvis.rendering.casters import rays
+from warpvis.rendering.casters.moving import MovingCaster
 
 import reference
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
@@ -211,13 +212,25 @@ def test_wide_lidars_are_cast_in_packets(packets_only):
     assert_matches_reference(some, scene, poses, few)
 
 
-@pytest.mark.parametrize("reason", ["far apart", "solids", "clip", "sizes"])
+def test_movable_solids_are_cast_beside_packets(monkeypatch):
+    """Packets mark the rays that may hit a solid; no view is cast ray by ray as a whole."""
+    for caster in (rays.RayBundleCaster, MovingCaster):
+        name = "cast" if caster is rays.RayBundleCaster else "_cast_single_rays"
+        monkeypatch.setattr(caster, name, lambda *_: pytest.fail("cast ray by ray"))
+    rng = np.random.default_rng(0)
+    scene = build_solids("cpu", random_poses(rng, 10, spread=2.0), extra=[trimesh.creation.box((0.5, 0.3, 0.7))] * 2)
+    pattern = Rays(*spread_out(1500, 0.01), near=0.2, far=4.0)
+    poses = np.array([wv.look_at(place, (0, 0, 0.6)) for place in ((2.2, 0.3, 1.0), (-1.5, 1.2, 0.8))])
+    views = wv.render(scene, pattern, poses, outputs=ALL)
+    assert_matches_reference(views, scene, poses, pattern)
+    assert len(np.unique(views.segmentation.numpy())) > 6
+
+
+@pytest.mark.parametrize("reason", ["far apart", "clip", "sizes"])
 def test_unsupported_inputs_are_cast_as_single_rays(reason):
     poses = random_poses(np.random.default_rng(3), 2, spread=0.3)
     scene = wv.scenes.PRESETS["room"].build("cpu")
     options, spread = {"outputs": ALL}, 0.5 if reason == "far apart" else 0.03
-    if reason == "solids":
-        scene = build_solids("cpu", random_poses(np.random.default_rng(0), 10, spread=2.0))
     if reason == "clip":
         options["near_plane"] = "clip"
     if reason == "sizes":

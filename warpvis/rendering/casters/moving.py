@@ -39,6 +39,11 @@ class MovingPoses:
     own_worlds: bool
     """Whether each view has a separate world, without `world_index`."""
 
+    @classmethod
+    def at_rest(cls, poses: wp.array) -> MovingPoses:
+        """Return the motion of views that do not move, transforms of shape ``(V,)``."""
+        return cls(_struct_of(poses.reshape((1, poses.shape[0], 1))), None, poses.shape[0], False)
+
     def __len__(self) -> int:
         """Return the number of views."""
         return self.views
@@ -216,7 +221,7 @@ def parse_sensor(
 
     if not isinstance(poses, Motion):
         constant_poses = parse(poses)
-        return _struct_of(constant_poses.reshape((1, constant_poses.shape[0], 1))), constant_poses.shape[0]
+        return MovingPoses.at_rest(constant_poses).sensor, constant_poses.shape[0]
     if poses.of_rays:
         return _parse_poses_of_rays(camera.shape, poses, parse)
     instants = instants_of(poses)

@@ -133,12 +133,11 @@ class MovingWorkspace(Workspace):
 
 
 def prepare_moving_rays(camera: AnyCamera) -> PreparedMovingRays:
-    """Prepare the rays of a camera with times."""
+    """Prepare the rays of a camera, which are all cast at 0 s if they have no times."""
     from warpvis.kernels.casting.moving_ray_packets import MovingRays
 
-    shape, times, origins = (camera.height, camera.width), camera.times, camera.origins
-    assert times is not None  # checked where the motion is parsed
-    times = times.reshape(shape)
+    shape, origins = (camera.height, camera.width), camera.origins
+    times = np.zeros(shape) if camera.times is None else camera.times.reshape(shape)
     prepared, struct = prepare_rays(camera.rays.reshape(*shape, 3), times), MovingRays()
     place, bundles = prepared.struct.place.numpy(), prepared.struct.bundle.numpy()
     directions, moments, middles = np.zeros((3, len(place))), np.zeros(len(place)), np.zeros(len(bundles))

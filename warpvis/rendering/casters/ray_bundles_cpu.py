@@ -15,6 +15,7 @@ from warpvis.cameras.pinhole import clip_inv_z
 from warpvis.cameras.rays import RayCamera
 from warpvis.kernels.constants import CPU_MAX_ORIGIN_EXTENT, CPU_MAX_SPREAD
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch
+from warpvis.rendering.casters.moving import MovingCaster, MovingPoses
 from warpvis.rendering.casters.packets_cpu import CpuCaster, Workspace
 from warpvis.rendering.casters.ray_origins_cpu import PreparedRayOrigins, prepare_ray_origins
 from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, origin_extent, takes_packets
@@ -40,6 +41,7 @@ class CpuRayBundleCaster(CpuCaster):
         super().__init__(scene, camera, options)
         self._clips = options.clip_near and camera.near > 0
         self._single_rays = RayBundleCaster(scene, camera, options)
+        self._moving = MovingCaster(scene, camera, options)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without the prepared rays, which copies prepare again or take from the camera's cache."""
@@ -49,8 +51,16 @@ class CpuRayBundleCaster(CpuCaster):
         """Write images of all views."""
         if not views.count:
             return
-        if views.pixels is not None or not self._takes_packets(views, images):
+        if views.pixels is not None:
             self._single_rays.cast(views, images)
+            return
+        if not self._takes_packets(views, images):
+            # Sensors that move have another method for rays with distinct origins, which movable solids do not prevent.
+            if self._scene.bvh().has_solids:
+                still = MovingPoses.at_rest(views.poses_on(self._scene.device))
+                self._moving.cast(ViewBatch(still, views.worlds), images)
+            else:
+                self._single_rays.cast(views, images)
             return
         units = views.count * self._rays.struct.bundle.shape[0]
         if units == 0:  # no pixel has a ray
