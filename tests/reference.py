@@ -146,7 +146,7 @@ from reference_points import (  # noqa: F401
 )
 from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to_xyzw  # noqa: F401
 from reference_random import draw_normals, draw_uniforms  # noqa: F401
-from reference_rangefinders import read_rangefinders  # noqa: F401
+from reference_rangefinders import read_rangefinder_rows, read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_redwood import measure_redwood  # noqa: F401
 from reference_shading import (  # noqa: F401

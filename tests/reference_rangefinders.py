@@ -35,6 +35,9 @@ def read_rangefinders(
     return (best, normal) if np.isfinite(best) else (-1.0, np.zeros(3))
 
 
+read_rangefinder_rows = read_rangefinders  # on CPU cores
+
+
 def meet_triangles(corners: NDArray, origin: NDArray, direction: NDArray) -> tuple[float, NDArray[np.float64]]:
     """Return distance and normal of a ray's first hit among triangles, (n, 3, 3), from either side; -1 for a miss."""
     a = corners[:, 0] - origin

@@ -131,6 +131,71 @@ def test_pose_sources_give_equal_readings(device):
         assert np.array_equal(again.read(worlds).numpy(), expected)
 
 
+@pytest.mark.parametrize("geoms", [1, 15, 16, 17, 40])
+def test_packed_launches_equal_one_thread_per_ray(geoms):
+    """CPU cores test bounding spheres of 16 geoms at a time; both kernels write the same bits, for any threads."""
+    rng = np.random.default_rng(geoms)
+    parts = [
+        '<geom type="{}" size=".2 .1 .15" pos="{} {} {}"/>'.format(kind, *rng.uniform(-1, 1, 3))
+        for kind in rng.choice(["sphere", "capsule", "box", "ellipsoid", "cylinder"], geoms)
+    ]
+    sites = "".join('<site name="s{}" zaxis="{} {} {}"/>'.format(index, *rng.normal(size=3)) for index in range(300))
+    sensors = "".join(f'<rangefinder site="s{index}" data="dist normal"/>' for index in range(300))
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody>{"".join(parts)}<body><freejoint/><geom size=".1"/>{sites}</body></worldbody>'
+        f"<sensor>{sensors}</sensor></mujoco>"
+    )
+    worlds = [mujoco.MjData(model) for _ in range(6)]
+    for data in worlds:
+        data.qpos[:3] = rng.uniform(-0.5, 0.5, 3) + (1000 * (data is worlds[-1]), 0, 0)
+        mujoco.mj_forward(model, data)
+    expected = wp.empty((6, 1200), dtype=wp.float32, device="cpu")
+    for threads in (1, 3):
+        finders = Rangefinders(model, threads=threads)
+        finders._launch(finders._read_frames(WorldPoses.of(worlds)), expected)
+        assert np.array_equal(finders.read(worlds).numpy(), expected.numpy())
+        for data, row in zip(worlds, expected.numpy(), strict=True):
+            assert np.array_equal(finders.read(data).numpy(), row)
+    assert (expected.numpy()[:, ::4] > 0).any()
+
+
+def test_poses_of_one_world_have_all_forms():
+    """Double precision, 3 x 3 matrices, and contiguous or not; wrong shapes and poses raise in each."""
+    model = probed("".join(f'<rangefinder site="s{index}"/>' for index in range(48)))
+    (data,) = moved(model, 1)
+    finders = Rangefinders(model)
+    expected = finders.read(data).numpy()
+    names = ("geom_xpos", "geom_xmat", "site_xpos", "site_xmat")
+
+    def poses(change):
+        return WorldPoses(**{name: change(getattr(data, name)[None].copy()) for name in names})
+
+    changes = (
+        lambda value: value,
+        lambda value: value.astype(np.float32),
+        lambda value: value if value.shape[2] == 3 else value.reshape(1, -1, 3, 3),
+        np.asfortranarray,
+        lambda value: wp.array(
+            value.reshape(-1), dtype=wp.vec3 if value.shape[2] == 3 else wp.mat33, shape=value.shape[:2], device="cpu"
+        ),
+    )
+    for change in changes:
+        found = finders.read(poses(change))
+        assert found.shape == (1, 48) and np.array_equal(found.numpy()[0], expected)
+    with pytest.raises(wv.WarpvisError, match="out must have shape"):
+        finders.read(data, out=wp.empty(47, dtype=wp.float32, device="cpu"))
+    with pytest.raises(wv.WarpvisError, match="geom_xpos must have shape"):
+        finders.read(poses(lambda value: value[:, :-1]))
+    with pytest.raises(wv.WarpvisError, match=r"must be float32"):
+        finders.read(poses(lambda value: value > 0))
+    with pytest.raises(wv.WarpvisError, match="poses must be computed, got geom_xmat of zeros"):
+        finders.read(mujoco.MjData(model))
+    data.site_xpos[3, 1] = np.nan
+    with pytest.raises(wv.WarpvisError, match=r"site_xpos must be finite, got .* at index 3"):
+        finders.read(data)
+    assert np.array_equal(finders.read(poses(np.nan_to_num)).numpy()[0][4:], expected[4:])
+
+
 @pytest.mark.slow
 def test_mujoco_warp_data_is_read(device):
     mujoco_warp = pytest.importorskip("mujoco_warp")

@@ -295,28 +295,79 @@ def may_meet(bound: wp.float64, toward: wp.vec3d, direction: wp.vec3d, nearest: 
 
 
 @wp.func
+def nearer_hit(
+    geoms: RayGeoms,
+    geom_xpos: wp.array2d[wp.vec3],
+    geom_xmat: wp.array2d[wp.mat33],
+    world: int,
+    index: int,
+    ray: Ray,
+    nearest: RayHit,
+) -> RayHit:
+    """Return the hit of a ray and a geom if it is nearer than `nearest`, else `nearest`."""
+    geom = geoms.geom[index]
+    toward = wp.vec3d(geom_xpos[world, geom]) - ray.origin
+    result = nearest
+    if may_meet(geoms.bound[index], toward, ray.direction, nearest.distance):
+        rotation = geom_xmat[world, geom]
+        local_ray = Ray()
+        local_ray.origin = rotate_inverse(rotation, -toward)
+        local_ray.direction = rotate_inverse(rotation, ray.direction)
+        hit = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], local_ray, nearest.distance)
+        if hit.distance >= wp.float64(0.0) and hit.distance < nearest.distance:
+            result.distance = hit.distance
+            result.normal = rotate(rotation, hit.normal)
+    return result
+
+
+@wp.func
+def farthest_hit() -> RayHit:
+    hit = RayHit()
+    hit.distance = FARTHEST
+    return hit
+
+
+@wp.func
 def nearest_geom(
     geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], geom_xmat: wp.array2d[wp.mat33], world: int, body: int, ray: Ray
 ) -> RayHit:
     """Return the first hit of a ray of the world among the geoms of other bodies."""
-    nearest = RayHit()
-    nearest.distance = FARTHEST
+    nearest = farthest_hit()
     for index in range(geoms.geom.shape[0]):
         if geoms.body[index] != body:
-            geom = geoms.geom[index]
-            toward = wp.vec3d(geom_xpos[world, geom]) - ray.origin
-            if may_meet(geoms.bound[index], toward, ray.direction, nearest.distance):
-                rotation = geom_xmat[world, geom]
-                local_ray = Ray()
-                local_ray.origin = rotate_inverse(rotation, -toward)
-                local_ray.direction = rotate_inverse(rotation, ray.direction)
-                hit = meet_geom(geoms.kind[index], geoms.size[index], geoms.mesh[index], local_ray, nearest.distance)
-                if hit.distance >= wp.float64(0.0) and hit.distance < nearest.distance:
-                    nearest.distance = hit.distance
-                    nearest.normal = rotate(rotation, hit.normal)
-    if nearest.distance == FARTHEST:
-        return no_hit()
+            nearest = nearer_hit(geoms, geom_xpos, geom_xmat, world, index, ray, nearest)
     return nearest
+
+
+@wp.func
+def sensor_frame(
+    rays: SensorRays,
+    index: int,
+    site_xpos: wp.array2d[wp.vec3],
+    site_xmat: wp.array2d[wp.mat33],
+    cam_xpos: wp.array2d[wp.vec3],
+    cam_xmat: wp.array2d[wp.mat33],
+    world: int,
+) -> Frame:
+    """Return the pose of a ray's site or camera."""
+    frame = Frame()
+    site, camera = rays.site[index], rays.camera[index]
+    if site >= 0:
+        frame.position = wp.vec3d(site_xpos[world, site])
+        frame.rotation = site_xmat[world, site]
+    else:
+        frame.position = wp.vec3d(cam_xpos[world, camera])
+        frame.rotation = cam_xmat[world, camera]
+    return frame
+
+
+@wp.func
+def sensor_ray(rays: SensorRays, index: int, frame: Frame) -> Ray:
+    """Return a ray in the world."""
+    ray = Ray()
+    ray.origin = frame.position + rotate(frame.rotation, rays.origin[index])
+    ray.direction = rotate(frame.rotation, rays.direction[index])
+    return ray
 
 
 @wp.func
@@ -325,6 +376,49 @@ def depth_of(frame: Frame, ray: Ray, distance: wp.float64) -> wp.float64:
     if distance < wp.float64(0.0):
         return wp.float64(-1.0)
     return -rotate_inverse(frame.rotation, ray.origin + distance * ray.direction - frame.position)[2]
+
+
+@wp.func_native("readings.data[index] = value;")
+def store_reading(readings: wp.array[wp.float32], index: wp.int64, value: wp.float32): ...
+
+
+@wp.func
+def write_reading(
+    rays: SensorRays,
+    index: int,
+    frame: Frame,
+    ray: Ray,
+    nearest: RayHit,
+    readings: wp.array[wp.float32],
+    first: wp.int64,
+):
+    """Write the fields of a ray to the readings of its world, which begin at `first` in a contiguous array."""
+    hit = nearest
+    if nearest.distance == FARTHEST:
+        hit = no_hit()
+    is_hit = wp.where(hit.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
+    fields, column = rays.fields[index], first + wp.int64(rays.column[index])
+    low, high = rays.low[index], rays.high[index]
+    if fields & DISTANCE:
+        store_reading(readings, column, float(wp.clamp(hit.distance, low, high)))
+        column += wp.int64(1)
+    for field in range(1, 5):
+        if fields & (1 << field):
+            value = hit.normal
+            if (1 << field) == DIRECTION:
+                value = ray.direction * is_hit
+            elif (1 << field) == ORIGIN:
+                value = ray.origin
+            elif (1 << field) == POINT:
+                value = (ray.origin + hit.distance * ray.direction) * is_hit
+            for axis in range(3):
+                store_reading(readings, column + wp.int64(axis), float(wp.clamp(value[axis], low, high)))
+            column += wp.int64(3)
+    if fields & DEPTH:
+        depth = hit.distance
+        if rays.site[index] < 0:
+            depth = depth_of(frame, ray, hit.distance)
+        store_reading(readings, column, float(wp.clamp(depth, low, high)))
 
 
 @wp.kernel
@@ -343,43 +437,13 @@ def read_rangefinders(
     # Out:
     readings_out: wp.array2d[wp.float32],
 ):
-    """Write the fields of every ray in every world. On a miss, distance and depth are -1, and the other fields 0."""
+    """Write the fields of every ray in every world. On a miss, distance and depth are -1, and the other fields 0.
+
+    For GPUs; `rangefinder_rows.read_rangefinder_rows` does the same on CPU cores.
+    """
     world, _row, index = wp.tid()
     world += window.first_view
-
-    frame = Frame()
-    site, camera = rays.site[index], rays.camera[index]
-    if site >= 0:
-        frame.position = wp.vec3d(site_xpos[world, site])
-        frame.rotation = site_xmat[world, site]
-    else:
-        frame.position = wp.vec3d(cam_xpos[world, camera])
-        frame.rotation = cam_xmat[world, camera]
-    ray = Ray()
-    ray.origin = frame.position + rotate(frame.rotation, rays.origin[index])
-    ray.direction = rotate(frame.rotation, rays.direction[index])
-    hit = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
-
-    is_hit = wp.where(hit.distance >= wp.float64(0.0), wp.float64(1.0), wp.float64(0.0))
-    fields, column = rays.fields[index], int(rays.column[index])
-    low, high = rays.low[index], rays.high[index]
-    if fields & DISTANCE:
-        readings_out[world, column] = float(wp.clamp(hit.distance, low, high))
-        column += 1
-    for field in range(1, 5):
-        if fields & (1 << field):
-            value = hit.normal
-            if (1 << field) == DIRECTION:
-                value = ray.direction * is_hit
-            elif (1 << field) == ORIGIN:
-                value = ray.origin
-            elif (1 << field) == POINT:
-                value = (ray.origin + hit.distance * ray.direction) * is_hit
-            for axis in range(3):
-                readings_out[world, column + axis] = float(wp.clamp(value[axis], low, high))
-            column += 3
-    if fields & DEPTH:
-        depth = hit.distance
-        if site < 0:
-            depth = depth_of(frame, ray, hit.distance)
-        readings_out[world, column] = float(wp.clamp(depth, low, high))
+    frame = sensor_frame(rays, index, site_xpos, site_xmat, cam_xpos, cam_xmat, world)
+    ray = sensor_ray(rays, index, frame)
+    nearest = nearest_geom(geoms, geom_xpos, geom_xmat, world, rays.body[index], ray)
+    write_reading(rays, index, frame, ray, nearest, readings_out[world], wp.int64(0))

@@ -280,11 +280,13 @@ def format_shape(shape: Shape, dtype: type | None = None) -> str:
 
 
 def _check_warp(array: wp.array, dtype: type, shape: Shape, *, name: str, device: wp.Device) -> wp.array:
-    if array.device != device:
+    # Identity and equality are tested first, since this is called in every frame.
+    if array.device is not device and array.device != device:
         raise ArrayError(f"{name} must be on device {device}, got {array.device}")
-    if not wp.types.types_equal(array.dtype, dtype):
+    if array.dtype is not dtype and not wp.types.types_equal(array.dtype, dtype):
         raise ArrayError(f"{name} must have dtype {_dtype_name(dtype)}, got {_dtype_name(array.dtype)}")
-    check_shape(array.shape, shape, name=name)
+    if array.shape != shape:
+        check_shape(array.shape, shape, name=name)
     if not array.is_contiguous:
         raise ArrayError(f"{name} must be contiguous, got strides {array.strides} for shape {array.shape}")
     return array

@@ -180,12 +180,20 @@ class Watched:
         self._before = bytearray(np.ascontiguousarray(before).tobytes())
 
 
+def any_changed(arrays: Iterable[Watched]) -> bool:
+    """Return whether values of any array have changed; faster than `any`, for callers in every frame."""
+    for watched in arrays:
+        if watched.changed():
+            return True
+    return False
+
+
 class ModelWatch:
     """Watches the fields of a model that determine shapes and visibility of geoms and sites."""
 
     def __init__(self, model: mujoco.MjModel, geoms: Iterable[int], *, sites: bool = False) -> None:
         """Copy the current values, including meshes and height fields of `geoms`, and sites if `sites` is set."""
-        self._model = model
+        self._map, self._statistic = model.vis.map, model.stat
         poses = _POSES + (_SITE_POSES if sites else ())
         names = _SHAPE_FIELDS + poses + (_SITE_FIELDS if sites else ())
         self._fields = {name: Watched(getattr(model, name)) for name in names}
@@ -201,7 +209,7 @@ class ModelWatch:
 
     def changed(self) -> bool:
         """Return whether any value has changed."""
-        return any(watched.changed() for watched in self._all) or self._far() != self._plane
+        return any_changed(self._all) or self._far() != self._plane
 
     def only_poses_changed(self) -> bool:
         """Return whether no values except poses of geoms, sites and bodies have changed."""
@@ -225,7 +233,7 @@ class ModelWatch:
 
     def _far(self) -> float:
         """Return the distance of the far plane, which determines the size of infinite planes."""
-        return float(self._model.vis.map.zfar * self._model.stat.extent)
+        return float(self._map.zfar * self._statistic.extent)
 
 
 class AppearanceWatch:

@@ -19,9 +19,11 @@ from warpvis.core.threads import check_threads, launch_images
 from warpvis.core.types import ArrayInput, DeviceLike
 from warpvis.errors import ArrayError, SceneError
 from warpvis.mujoco._geoms import stored_mesh
-from warpvis.mujoco._model_fields import ModelWatch, Watched, check_shape_numbers
+from warpvis.mujoco._model_fields import ModelWatch, Watched, any_changed, check_shape_numbers
 from warpvis.mujoco._poses import PoseSource, check_computed, read_frames, read_source
+from warpvis.mujoco._rangefinder_rows import FrameCopies, ReadingRows
 from warpvis.mujoco._worlds import Kinematics
+from warpvis.rendering import Pool
 from warpvis.scene import Mesh
 from warpvis.scene.acceleration.geometry import make_mesh
 
@@ -91,9 +93,15 @@ class Rangefinders:
         """Copy the model's rays to the device."""
         from warpvis.kernels.mujoco.rangefinders import SensorRays
 
+        self._launches = Pool(2)
         self._ray_watch = [Watched(getattr(self.model, name)) for name in _RAY_FIELDS]
         self._rays = _sensor_rays(self.model, np.unique(self.sensors))
         self._ray_struct = SensorRays()
+        kinds = {"site": (self._rays["site"], self.model.nsite), "cam": (self._rays["camera"], self.model.ncam)}
+        # Kinds of frames that are read, and their numbers.
+        self._counts = {"geom": self.model.ngeom} | {
+            kind: count for kind, (ids, count) in kinds.items() if (ids >= 0).any()
+        }
         for name, values in self._rays.items():
             dtype = {"i": wp.int32, "f": wp.vec3d if values.ndim == 2 else wp.float64}[values.dtype.kind]
             setattr(self._ray_struct, name, wp.array(values, dtype=dtype, device=self.device))
@@ -107,13 +115,14 @@ class Rangefinders:
                     "geoms must not be signed distance fields, in which MuJoCo marches rays in steps, "
                     f"got {self.model.geom(geom).name or geom!r}; rangefinders support the other types"
                 )
+        self._launches = Pool(2)
         self._geom_watch = ModelWatch(self.model, range(self.model.ngeom))
         self._meshes = dict(meshes)
         self._geom_struct = _ray_geoms(self.model, self.device, self._meshes)
 
     def _follow_model(self) -> None:
         """Read changed fields of the model again."""
-        if any(watched.changed() for watched in self._ray_watch):
+        if any_changed(self._ray_watch):
             self._read_rays()
         if self._geom_watch.changed():
             if self._geom_watch.only_poses_changed():
@@ -142,44 +151,64 @@ class Rangefinders:
             ArrayError: If the poses are not of the model or were never computed, or `out` does not fit.
             SceneError: If the model now has numbers that are not finite, or a signed distance field that a ray may hit.
         """
-        from warpvis.kernels.mujoco.rangefinders import read_rangefinders
-
         self._follow_model()
-        source, single = self._read_poses(poses)
-        model, device = self.model, self.device
-        rays, geoms = self._ray_struct, self._geom_struct
-        places = read_frames(source, "geom", model.ngeom, device)
-        worlds, frames = len(places[0]), list[wp.array | None]()
-        for kind, count, ids in (("site", model.nsite, self._rays["site"]), ("cam", model.ncam, self._rays["camera"])):
-            part = read_frames(source, kind, count, device) if (ids >= 0).any() else None
-            if part is not None and len(part[0]) != worlds:
-                raise ArrayError(f"{kind}_xpos must be of as many worlds as geom_xpos, {worlds}, got {len(part[0])}")
-            frames += (None, None) if part is None else part
-        shape = (worlds, len(self.addresses))
-        out_shape = shape[1:] if single else shape
-        out = take_out(out, wp.float32, out_shape, device=device)
-        rows = out.reshape(shape)
-        launch_images(
-            read_rangefinders,
-            (worlds, 1, len(self._rays["body"])),
-            lambda window: [geoms, *places, rays, *frames, window, rows],
-            device=device,
-            threads=self._threads,
-        )
+        source, single = _read_poses(poses, self._kinematics)
+        columns = len(self.addresses)
+        if self.device.is_cpu:
+            # In one world, Python may take longer than casting the rays.
+            launches = self._launches
+            rows, copies = launches.take("world") or self._pack_world()
+            fits = copies.copy(source)
+            if fits:
+                out = take_out(out, wp.float32, (columns,) if single else (1, columns), device=self.device)
+                rows.run(1, out)
+            launches.give_back("world", (rows, copies))
+            if fits:
+                return out
+        check_computed(source, self._counts)
+        frames = self._read_frames(source)
+        worlds = len(frames["geom_xpos"])
+        out = take_out(out, wp.float32, (columns,) if single else (worlds, columns), device=self.device)
+        if self.device.is_cpu:
+            self._launches.use("worlds", self._pack, lambda rows: rows.run(worlds, out, **frames))
+        else:
+            self._launch(frames, out.reshape((worlds, columns)))
         return out
 
-    def _read_poses(self, poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput) -> tuple[PoseSource, bool]:
-        """Return a source of poses, and whether it is a single world without a world axis."""
-        source = read_source(poses)
-        if source is not None:
-            ids = {"site": self._rays["site"], "cam": self._rays["camera"]}
-            check_computed(source, ("geom", *(kind for kind, numbers in ids.items() if (numbers >= 0).any())))
-            return source, isinstance(poses, mujoco.MjData)
-        joints = as_numpy(cast("ArrayInput", poses), name="poses")
-        return self._kinematics.from_qpos(joints), joints.ndim == 1
+    def _pack_world(self) -> tuple[ReadingRows, FrameCopies]:
+        copies = FrameCopies(self._counts)
+        return self._pack(**copies.arrays), copies
+
+    def _pack(self, **frames: wp.array) -> ReadingRows:
+        return ReadingRows(self._geom_struct, self._ray_struct, len(self.addresses), self._threads, **frames)
+
+    def _launch(self, frames: Mapping[str, wp.array], readings: wp.array) -> None:
+        """Read all sensors of all worlds, with one kernel thread for each ray."""
+        from warpvis.kernels.mujoco.rangefinders import read_rangefinders
+
+        geoms, *others = (
+            [frames.get(f"{kind}_{part}") for part in ("xpos", "xmat")] for kind in ("geom", "site", "cam")
+        )
+        launch_images(
+            read_rangefinders,
+            (len(readings), 1, len(self._rays["body"])),
+            lambda window: [self._geom_struct, *geoms, self._ray_struct, *others[0], *others[1], window, readings],
+            device=self.device,
+            threads=self._threads,
+        )
+
+    def _read_frames(self, source: PoseSource) -> dict[str, wp.array]:
+        """Return the poses of geoms, and of the sites and cameras that have sensors, by name."""
+        frames: dict[str, wp.array] = {}
+        for kind, count in self._counts.items():
+            frames[f"{kind}_xpos"], frames[f"{kind}_xmat"] = part = read_frames(source, kind, count, self.device)
+            worlds = len(frames["geom_xpos"])
+            if len(part[0]) != worlds:
+                raise ArrayError(f"{kind}_xpos must be of as many worlds as geom_xpos, {worlds}, got {len(part[0])}")
+        return frames
 
     def __getstate__(self) -> dict[str, Any]:
-        derived = {"_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
+        derived = {"_launches", "_ray_struct", "_ray_watch", "_rays", "_geom_struct", "_geom_watch", "_meshes"}
         return {name: value for name, value in self.__dict__.items() if name not in derived} | {
             "device": str(self.device)
         }
@@ -188,6 +217,19 @@ class Rangefinders:
         self.__dict__ |= state | {"device": get_device(state["device"])}
         self._read_rays()
         self._read_geoms()
+
+
+def _read_poses(
+    poses: PoseSource | Sequence[mujoco.MjData] | ArrayInput, kinematics: Kinematics
+) -> tuple[PoseSource, bool]:
+    """Return a source of poses, and whether it is a single world without a world axis."""
+    if isinstance(poses, mujoco.MjData):
+        return poses, True
+    source = read_source(poses)
+    if source is not None:
+        return source, False
+    joints = as_numpy(cast("ArrayInput", poses), name="poses")
+    return kinematics.from_qpos(joints), joints.ndim == 1
 
 
 def _sensor_rays(model: mujoco.MjModel, sensors: NDArray[np.integer]) -> dict[str, NDArray]:

@@ -29,7 +29,8 @@ class PackedRows:
         """Pack a launch of a kernel of a call, whose field `job` is a `kernels.rows.RowJob`, and of its images."""
         self._counter = np.zeros(JOB_COUNTERS, dtype=np.int32)
         self._call, self._images = call_type(), images_type()
-        self._call.job.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
+        self._job = self._call.job
+        self._job.counter = wp.array(self._counter, dtype=wp.int32, device="cpu", copy=False)
         self._launch = pack_launch(
             kernel, [array_of_one(self._call, call_type), array_of_one(self._images, images_type)]
         )
@@ -38,12 +39,12 @@ class PackedRows:
     def run(self, shape: tuple[int, int, int], images: dict[str, wp.array], **values: Any) -> None:
         """Write images of a shape ``(views, height, width)``; `values` are structs, arrays and numbers of the call."""
         views, height, width = shape
-        job = self._call.job
-        job.views, job.height, job.strip = views, height, max(1, _STRIP_PIXELS // width)
+        strip = max(1, _STRIP_PIXELS // width)
+        write_fields(self._job, views=views, height=height, strip=strip)
         write_fields(self._call, **values)
         write_fields(self._images, **images)
         pixels = views * height * width
-        workers = min(self._costs.threads_for(pixels), views * -(-height // job.strip))
+        workers = min(self._costs.threads_for(pixels), views * -(-height // strip))
         start = time.perf_counter_ns()
         launch_shared(self._launch, self._counter, workers)
         self._costs.note(pixels, workers, time.perf_counter_ns() - start)
