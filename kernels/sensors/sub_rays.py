@@ -4,15 +4,12 @@
 
 import warp as wp
 
-from warpvis.kernels.constants import BLOCK_SIDE
 from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate, pose_rotation
 from warpvis.kernels.sensors.noise import SensorInputs
 
-wp.set_module_options(pixel_options("shared/time_of_flight.h"))
+wp.set_module_options(pixel_options("shared/sub_rays.h"))
 
-SIDE = wp.constant(BLOCK_SIDE)  # of the square of sub-rays of a pixel: the sub-rays of one pixel fill one packet
-SUB_RAYS = wp.constant(BLOCK_SIDE * BLOCK_SIDE)
 TILE_PIXELS = wp.constant(16)  # per tile; tiles are placed side by side in a map of sub-rays
 
 
@@ -96,23 +93,16 @@ def number_edges(
     pixels_out[view, number] = index
 
 
-@wp.func
-def sub_ray_position(i: int, j: int) -> wp.vec2:
-    """Return a sub-ray's position in its pixel: one in each of 16 equal squares, each of 16 rows and 16 columns."""
-    side = float(SIDE)
-    return wp.vec2((float(i) + (float(j) + 0.5) / side) / side, (float(j) + (float(i) + 0.5) / side) / side)
-
-
-@wp.func
-def sub_ray_corner(tile: int, index: int) -> wp.vec2i:
-    """Return the column and row of the first sub-ray of a pixel of a tile in the map of sub-rays."""
-    return wp.vec2i(tile * TILE_PIXELS + index % SIDE * SIDE, index / SIDE * SIDE)
-
-
-@wp.func
-def pixel_of_sub_ray(y: int, x: int) -> int:
-    """Return the index of the edge pixel that a place in the map belongs to: the inverse of `sub_ray_corner`."""
-    return x / TILE_PIXELS * TILE_PIXELS + y / SIDE * SIDE + x % TILE_PIXELS / SIDE
+@wp.func_native("warpvis::place_sub_rays(pixels, first, width, view, y, x, points_out);")
+def place(
+    pixels: wp.array2d[wp.int32],
+    first: int,
+    width: int,
+    view: int,
+    y: int,
+    x: int,
+    points_out: wp.array3d[wp.vec2],
+): ...
 
 
 @wp.kernel
@@ -127,12 +117,10 @@ def place_sub_rays(
 ):
     """Write the image coordinates [px] of 4 x 4 sub-rays for each edge pixel from `first` on; NaN for pixel -1.
 
-    Each thread writes one sub-ray, so that adjacent threads write adjacent memory.
+    A tile of 16 columns and rows of the map belongs to 16 pixels in row-major order. Each pixel has one sub-ray in each
+    of 16 equal squares, and in each of 16 rows and 16 columns. On CUDA, each thread writes one sub-ray, so that
+    adjacent threads write adjacent memory.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    position = wp.vec2(wp.nan, wp.nan)
-    pixel = pixels[view, first + pixel_of_sub_ray(y, x)]
-    if pixel >= 0:
-        position = wp.vec2(float(pixel % width), float(pixel / width)) + sub_ray_position(x % SIDE, y % SIDE)
-    points_out[view, y, x] = position
+    place(pixels, first, width, view, y, x, points_out)

@@ -53,10 +53,21 @@ struct PixelLanes {
     static inline Floats permuted(Floats a, Ints pixel) { return gather((const float*)&a, pixel); }
     static inline Ints permuted(Ints a, Ints pixel) { return gather((const int*)&a, pixel); }
 
+    // Doubles by a mask of pixels.
+    static inline Double select(Ints which, Double a, Double b) {
+        typedef long long Longs __attribute__((ext_vector_type(LANES)));
+        return __builtin_convertvector(which, Longs) ? a : b;
+    }
+    // Whether all numbers are from `first` to below `end`.
+    static inline bool all_between(Double a, double first, double end) {
+        return all(__builtin_convertvector((a >= first) & (a < end), Ints));
+    }
+
     static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
     static inline bool any(Ints which) { return Lanes::any(which); }
     static inline int first(Ints which) { return Lanes::first_lane(Lanes::bits(which)); }
     static inline int get(Ints a, int k) { return a[k]; }
+    static inline float get(Floats a, int k) { return a[k]; }
     static inline double get(Double a, int k) { return a[k]; }
     static inline void set(Floats& a, int k, float value) { a[k] = value; }
     static inline void set(Double& a, int k, double value) { a[k] = value; }

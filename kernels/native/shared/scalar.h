@@ -54,11 +54,15 @@ struct OnePixel {
     static inline float gather(const float* from, int index) { return from[index]; }
     static inline int gather(const int* from, int index) { return from[index]; }
 
+    static inline double select(int which, double a, double b) { return which ? a : b; }
+    static inline bool all_between(double a, double first, double end) { return a >= first && a < end; }
+
     static inline bool all(int which) { return which != 0; }
     static inline bool any(int which) { return which != 0; }
     static inline int first(int) { return 0; }
     static inline int get(int a, int) { return a; }
     // The number of pixel k.
+    static inline float get(float a, int) { return a; }
     static inline double get(double a, int) { return a; }
     static inline void set(float& a, int, float value) { a = value; }
     static inline void set(double& a, int, double value) { a = value; }

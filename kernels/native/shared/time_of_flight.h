@@ -86,16 +86,17 @@ struct FlightLight {
     // Pixels at edges combine the light of their sub-rays.
     template <class Model>
     inline void mix(const Row& row, const Model& model, int x) {
-        const int* slots = model.slots.data + row.place(x);
-        for (int k = 0; k < Numbers::PIXELS && x + k < row.width; ++k) {
-            if (slots[k] < 0) continue;
-            const auto& mixed = model.mixes.data[(long long)row.view * model.mixes.shape[1] + slots[k]];
-            Numbers::set(range, k, mixed[0]);
-            Numbers::set(signal, k, mixed[1]);
-            Numbers::set(all, k, mixed[2]);
-            Numbers::set(straight, k, mixed[3]);
-            Numbers::set(depth, k, (double)mixed[0] / Numbers::get(length, k));
-        }
+        const Whole slots = Numbers::load(model.slots.data + row.place(x), row.count(x));
+        const Whole is_mixed = (slots >= 0) & (Numbers::indices(x) < row.width);
+        if (!Numbers::any(is_mixed)) return;
+        const float* mixes = (const float*)(model.mixes.data + (long long)row.view * model.mixes.shape[1]);
+        const Whole first = is_mixed ? 4 * slots : Numbers::whole(0);
+        const Real mixed_range = Numbers::gather(mixes, first);
+        range = is_mixed ? mixed_range : range;
+        signal = is_mixed ? Numbers::gather(mixes + 1, first) : signal;
+        all = is_mixed ? Numbers::gather(mixes + 2, first) : all;
+        straight = is_mixed ? Numbers::gather(mixes + 3, first) : straight;
+        depth = Numbers::select(is_mixed, Numbers::wide(mixed_range) / length, depth);
     }
 };
 
@@ -131,7 +132,10 @@ struct Flight {
         Double found =
             model.offset + model.wiggle * Phase<Numbers>::sine(4.0 * (far * model.turns[0]) + model.wiggle_turns);
         if (model.noise_scale > 0.0f) found = found + Numbers::wide(noise);
-        return found - Numbers::floor((far + found) / model.unambiguous) * model.unambiguous;
+        // Most ranges do not overflow: the quotient's floor is 0.
+        const Double sum = far + found;
+        if (Numbers::PIXELS > 1 && Numbers::all_between(sum, 0.0, model.unambiguous)) return found;
+        return found - Numbers::floor(sum / model.unambiguous) * model.unambiguous;
     }
     // Reason why the light yields no range, if any.
     inline Whole judge(const Light& light) const {
@@ -177,28 +181,47 @@ struct FlightEdges {
         }
     }
     inline Whole is_edge(int x) const {
+        const bool inner = x > 0 && x + Numbers::PIXELS < row.width && row.y > 0 && row.y + 1 < row.height;
+        return inner ? is_edge<true>(x) : is_edge<false>(x);
+    }
+    // Comparisons with all neighbors are made once, with the extremes of their numbers: a mask for each neighbor would
+    // take longer. Unless pixels are `INNER`, neighbors may be outside of the image.
+    template <bool INNER>
+    inline Whole is_edge(int x) const {
         Real normal[3], rotated[3];
         row.normal(x, normal);
         for (int k = 0; k < 3; ++k)
             rotated[k] = axes.data[0][k] * normal[0] + axes.data[1][k] * normal[1] + axes.data[2][k] * normal[2];
         const Real depth = row.exact(x);
-        const Whole has_surface = depth < Numbers::endless();
         const Real ahead = rotated[0] * Numbers::narrow(row.across(Numbers::indices(x))) +
                            rotated[1] * Numbers::narrow(row.down(Numbers::whole(row.y))) + rotated[2] * 1.0f;
         const Real plane = depth * ahead;
         const Real across = rotated[0] / (float)row.focal[0], down = rotated[1] / (float)row.focal[1];
-        Whole edge = Numbers::whole(0);
+        // Of all neighbors: depths, the least product of slopes, the greatest distance from the plane beyond the step.
+        Real nearest = depth, farthest = depth, least = Numbers::real(1.0f), greatest = Numbers::real(-1.0f);
+#pragma unroll
         for (int k = 0; k < 9; ++k) {
             const int i = k % 3 - 1, j = k / 3 - 1;
-            if (k == 4 || row.y + j < 0 || row.y + j >= row.height) continue;
-            const Whole column = Numbers::indices(x + i), in = (column >= 0) & (column < row.width);
-            const Real other = row.exact(x + i, row.y + j, 0.0f);
+            if (k == 4 || (!INNER && (row.y + j < 0 || row.y + j >= row.height))) continue;
+            Real other = INNER ? Numbers::load(row.depth + row.place(x) + (j * row.width + i), Numbers::PIXELS)
+                               : row.exact(x + i, row.y + j, 0.0f);
             const Real slope = ahead + (float)i * across + (float)j * down;
-            const Whole off_plane =
-                (slope * plane <= 0.0f) | (Numbers::abs(other * slope - plane) >= edge_step * Numbers::abs(slope));
-            edge |= in & (((other < Numbers::endless()) ^ has_surface) | (has_surface & off_plane));
-            if (Numbers::PIXELS == 1 && Numbers::all(edge)) break;
+            Real product = slope * plane;
+            Real beyond = Numbers::abs(other * slope - plane) - edge_step * Numbers::abs(slope);
+            if (!INNER) {
+                const Whole column = Numbers::indices(x + i), outside = (column < 0) | (column >= row.width);
+                other = outside ? depth : other;
+                product = outside ? Numbers::real(1.0f) : product;
+                beyond = outside ? Numbers::real(-1.0f) : beyond;
+            }
+            nearest = Numbers::min(other, nearest);
+            farthest = Numbers::max(other, farthest);
+            least = Numbers::min(product, least);
+            greatest = Numbers::max(beyond, greatest);
         }
-        return edge;
+        const Real endless = Numbers::real(Numbers::endless());
+        const Whole has_surface = depth < endless;
+        const Whole beside_surface = nearest < endless, beside_none = farthest == endless;
+        return has_surface ? beside_none | (least <= 0.0f) | (greatest >= 0.0f) : beside_surface;
     }
 };

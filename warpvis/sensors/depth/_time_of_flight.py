@@ -194,11 +194,11 @@ class TimeOfFlight(Device):
         points = exposure.scratch("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
         tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
         for first in range(0, pixels.shape[1], part):
-            exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape)
+            exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape, rows=True)
             seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
             images = seen["depth"], seen["normals"], seen.get("segmentation")
-            arguments = model, inputs, pixels, points, *images, first, mixes
-            exposure.launch(mix_sub_rays, *arguments, cameras=[axes], shape=tiles)
+            arguments = model, inputs, pixels, *images, first, mixes
+            exposure.launch(mix_sub_rays, *arguments, cameras=[axes], shape=tiles, rows=True)
         return slots, mixes
 
 
@@ -209,7 +209,8 @@ def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
     """
     views, height, width = slots.shape
     edges = slots.numpy().reshape(views, -1) if counted else None
-    count = height * width if edges is None else int((edges >= 0).sum(axis=1).max(initial=0))
+    found = [] if edges is None else [np.flatnonzero(view_slots >= 0) for view_slots in edges]
+    count = height * width if edges is None else max(map(len, found), default=0)
     min_part = _TREE_PIXELS if counted else _GPU_PIXELS
     max_part = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
     part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(max_part, min_part))
@@ -217,8 +218,7 @@ def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
     if edges is None:
         return _number_edges(slots.reshape((views, count)), padded), part
     numbers = np.full((views, padded), -1, dtype=np.int32)
-    for view, view_slots in enumerate(edges):
-        pixels = np.flatnonzero(view_slots >= 0)
+    for view, (view_slots, pixels) in enumerate(zip(edges, found, strict=True)):
         numbers[view, : len(pixels)] = pixels
         view_slots[pixels] = np.arange(len(pixels))
     return wp.array(numbers, dtype=wp.int32, device=slots.device), part
