@@ -162,7 +162,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--device", default="cpu")
-    parser.add_argument("--scenes", nargs="+", default=["room", "blobs_77k", "blobs_1m"], help="scenes of the lidars")
+    parser.add_argument("--scenes", nargs="+", default=["room", "blobs_77k", "terrain_200k"], help="of the lidars")
     arguments = parser.parse_args()
     times = take_turns([render(arguments.device, case) for case in CASES], arguments.rounds)
     medians = [1e3 / VIEWS * float(np.median(column)) for column in times]
