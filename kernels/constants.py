@@ -64,6 +64,7 @@ STREAM_ADDED = 14
 STREAM_MULTIPLIED = 15
 STREAM_LOST = 16
 STREAM_PARAMETERS = 17  # sensor parameters drawn for each view
+STREAM_LEARNED = 18  # noise that a learned model reads
 
 # Counters that the CPU workers of a job share.
 COUNTER_NEXT_UNIT = 0  # next unit of work

@@ -174,6 +174,17 @@ def depth_sensor_cases(path):
                 "of": sensor,
             },
         ),
+        "LearnedDepth": (
+            wv.sensors.LearnedDepth,
+            {
+                "module": np.copy,
+                "inputs": ("depth", "noise"),
+                "of": sensor,
+                "fill": 0.0,
+                "batch": 2,
+                "noise_channels": 2,
+            },
+        ),
         "Latency": (wv.sensors.Latency, {"frames": 2}),
         "Latency.__call__": (
             wv.sensors.Latency(2).__call__,

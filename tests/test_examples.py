@@ -34,6 +34,8 @@ SAYS = {
     r"(.|\n)*appeared something",
     "depth_noise.py": r"NguyenNoise +\d\.\d mm.*\nKhoshelhamNoise +\d\.\d mm(.|\n)*"
     r"SimKinect +\d(.|\n)*Corruptions.*lost",
+    "learned_noise.py": r"27756 weights learn from 128 images(.|\n)*loss -2\.\d\d\ndepth \[m\](.|\n)*"
+    r"\d\d% of the holes are imitated",
     "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",
     "lidar.py": r"131072 points, 425\d\d of beams between",
     "measured_floor.py": r"height 1\.(29|30)\d m instead of 1\.300 m, confidence 0\.(.|\n)* 1\.100 m(.|\n)* 1\.400 m",

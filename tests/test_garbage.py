@@ -166,6 +166,8 @@ OURS = {
     "Corruptions.check",
     "Corruptions.measure",
     "KhoshelhamNoise.measure",
+    "LearnedDepth.check",
+    "LearnedDepth.measure",
     "LidarNoise.check",
     "LidarNoise.measure",
     "MatchedStereo.check",
@@ -237,8 +239,8 @@ NAMES = (
     "range_ recog segm Li bpearl even hdl vl pandar64 xt32 qt128 at128 rplidar "
     "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
-    "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency sensor_ Viewer view "
-    "MujocoStage "
+    "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
+    "Viewer view MujocoStage "
 ).split()
 
 

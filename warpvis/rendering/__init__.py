@@ -23,6 +23,7 @@ from warpvis.rendering._choices import (
     check_fill as check_fill,
     check_output_names as check_output_names,
     choose_caster as choose_caster,
+    fill_numbers as fill_numbers,
 )
 from warpvis.rendering._color_options import ColorOptions as ColorOptions, check_colors as check_colors
 from warpvis.rendering._computed import Frame, register_output

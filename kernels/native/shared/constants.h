@@ -81,6 +81,7 @@ enum RandomStream {
     STREAM_MULTIPLIED = 15,
     STREAM_LOST = 16,
     STREAM_PARAMETERS = 17,  // sensor parameters drawn for each view
+    STREAM_LEARNED = 18,  // noise that a learned model reads
 };
 
 // Counters that the CPU workers of a job share.

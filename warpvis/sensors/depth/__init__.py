@@ -15,6 +15,7 @@ from warpvis.sensors.depth._kinect_models import (
     SimKinect as SimKinect,
 )
 from warpvis.sensors.depth._latency import Latency as Latency
+from warpvis.sensors.depth._learned import LearnedDepth as LearnedDepth
 from warpvis.sensors.depth._matched_stereo import MatchedStereo as MatchedStereo
 from warpvis.sensors.depth._profiles import (
     SENSOR_NAMES as SENSOR_NAMES,

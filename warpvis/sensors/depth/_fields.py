@@ -81,7 +81,8 @@ def _to_json(value: object, name: str) -> Json:
         return _pack(value) if value.ndim > 1 else _to_json(value.tolist(), name)
     if isinstance(value, Sequence) and not isinstance(value, bytes):
         return [_to_json(part, name) for part in value]
-    raise ArrayError(f"{name} must be numbers or text to be written to the manifest of a dataset, got {value!r}")
+    shown = truncate(" ".join(repr(value).split()))
+    raise ArrayError(f"{name} must be numbers or text to be written to the manifest of a dataset, got {shown}")
 
 
 def _pack(image: np.ndarray) -> Json:
