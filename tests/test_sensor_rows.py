@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import warpvis as wv
-from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, TimeOfFlight
+from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, SimKinect, TimeOfFlight
 
 from support.one_pixel import compute_one_pixel_at_a_time
 
@@ -22,6 +22,7 @@ MODELS = {
     "khoshelham, smooth": KhoshelhamNoise(rounds=False),
     "corruptions": Corruptions(added=0.05, multiplied=0.02, dropout=0.1, rectangles=(2, 5)),
     "corruptions of a sensor": Corruptions(added=0.05, dropout=0.1, of=KhoshelhamNoise()),
+    "simkinect": SimKinect(),
     "flight": FLIGHT,
     "flight, of dark things": dataclasses.replace(FLIGHT, reflectivity=0.4, mixing=False, max_signal=0.15),
 }
@@ -43,7 +44,8 @@ def test_rows_equal_single_pixels(room, model, monkeypatch):
         return views.depth.numpy().view(np.uint32), views.reasons.numpy()
 
     rows = render(2)
-    compute_one_pixel_at_a_time(monkeypatch, "noise", "kinect_noise", "corruptions", "sub_rays", "time_of_flight")
+    names = "noise", "kinect_noise", "corruptions", "simkinect", "sub_rays", "time_of_flight"
+    compute_one_pixel_at_a_time(monkeypatch, *names)
     pixels = render(1)
     for mine, theirs in zip(rows, pixels, strict=True):
         np.testing.assert_array_equal(mine, theirs)

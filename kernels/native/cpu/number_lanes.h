@@ -24,6 +24,7 @@ struct PixelLanes {
     static inline Word bits_of(Floats a) { return (Word)a; }
     static inline Floats of_bits(Word bits) { return (Floats)bits; }
     static inline Floats floor(Floats a) { return __builtin_elementwise_floor(a); }
+    static inline Floats round(Floats a) { return __builtin_elementwise_rint(a); }
     static inline Floats root(Floats a) { return __builtin_elementwise_sqrt(a); }
     static inline Double floor(Double a) { return __builtin_elementwise_floor(a); }
     static inline Double root(Double a) { return __builtin_elementwise_sqrt(a); }
@@ -66,6 +67,7 @@ struct PixelLanes {
     static inline bool all(Ints which) { return Lanes::bits(which) == (1u << LANES) - 1u; }
     static inline bool any(Ints which) { return Lanes::any(which); }
     static inline int first(Ints which) { return Lanes::first_lane(Lanes::bits(which)); }
+    static inline int sum(Ints a) { return __builtin_reduce_add(a); }
     static inline int get(Ints a, int k) { return a[k]; }
     static inline float get(Floats a, int k) { return a[k]; }
     static inline double get(Double a, int k) { return a[k]; }

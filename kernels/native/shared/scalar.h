@@ -24,6 +24,7 @@ struct OnePixel {
     static inline float of_bits(unsigned bits) { return __uint_as_float(bits); }
     static inline float floor(float a) { return floorf(a); }
     static inline double floor(double a) { return ::floor(a); }
+    static inline float round(float a) { return rintf(a); }
     static inline float root(float a) { return __fsqrt_rn(a); }
     static inline double root(double a) { return __dsqrt_rn(a); }
 #else
@@ -39,6 +40,7 @@ struct OnePixel {
     }
     static inline float floor(float a) { return __builtin_floorf(a); }
     static inline double floor(double a) { return __builtin_floor(a); }
+    static inline float round(float a) { return __builtin_rintf(a); }  // half to even
     static inline float root(float a) { return __builtin_sqrtf(a); }
     static inline double root(double a) { return __builtin_sqrt(a); }
 #endif
@@ -60,6 +62,7 @@ struct OnePixel {
     static inline bool all(int which) { return which != 0; }
     static inline bool any(int which) { return which != 0; }
     static inline int first(int) { return 0; }
+    static inline int sum(int a) { return a; }
     static inline int get(int a, int) { return a; }
     // The number of pixel k.
     static inline float get(float a, int) { return a; }

@@ -312,11 +312,11 @@ class SimKinect(ByValue, DepthSensor):
 
         across = draw_normal_image(exposure, STREAM_ACROSS, "across")
         down = draw_normal_image(exposure, STREAM_DOWN, "down")
-        exposure.launch(shift_to_levels, model, exposure.true_depth, across, down, levels)
-        exposure.launch(detect_dots, dots, levels, detected)
+        exposure.launch(shift_to_levels, model, exposure.true_depth, across, down, levels, rows=True)
+        exposure.launch(detect_dots, dots, levels, detected, rows=True)
         noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
         inputs, images = kernel_inputs(exposure), kernel_images(exposure)
-        exposure.launch(fill_from_dots, model, inputs, detected, nearest, noise, images)
+        exposure.launch(fill_from_dots, model, inputs, detected, nearest, noise, images, rows=True)
 
 
 def make_pattern(height: int, width: int) -> NDArray[np.uint8]:

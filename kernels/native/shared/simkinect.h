@@ -1,0 +1,186 @@
+// SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+// SPDX-License-Identifier: Apache-2.0
+//
+// The Kinect model of Handa's simkinect: `warpvis.sensors.SimKinect`. Disparities are integers in 1/8 px throughout, so
+// that sums over windows are exact in any order.
+
+#pragma once
+
+#include "shared/noise.h"
+
+constexpr float DISPARITY_LEVELS = 8.0f;  // per pixel
+// From this level on a pixel is empty, which prevents overflow of window sums: a depth of 3.4e-5 m by default.
+constexpr float MAX_LEVEL = 8388608.0f;
+constexpr int DOT_REACH = 4;  // half width of a dot's window, without the center [px]
+// Largest deviation from the window's mean, in levels, at which a disparity at the window's center is near it; the same
+// elsewhere, times the squared distance from the center: 0.1 px by weights of 1 / (1.2^2 r^2).
+constexpr float NEAR_MEAN = 0.8f, NEAR_MEAN_SCALE = 1.152f;
+constexpr float STEPS_AT_UNIT = 35130.0f;  // disparity in steps at a depth of one unit
+
+// Disparity in levels from bilinear depth at shifted positions; 0 where there is no depth.
+template <class Numbers>
+struct ShiftedLevels {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Whole Whole;
+    int width, height;
+    const float* depth;  // of a view
+
+    // Depth of pixels; 0 if it is not finite or outside of the image.
+    inline Real depth_or_zero(Whole row, Whole column) const {
+        const Whole is_inside = (row < height) & (column < width);
+        const Real found = Numbers::gather(depth, is_inside ? row * width + column : Numbers::whole(0));
+        const Whole is_known = is_inside & (Numbers::abs(found) < Numbers::endless());
+        return is_known ? found : Numbers::real(0.0f);
+    }
+    static inline Real clamped(Real position, int size) {
+        return Numbers::min(Numbers::max(position, Numbers::real(0.0f)), Numbers::real((float)size));
+    }
+    inline Whole of(Real column, float row, Real shift_across, Real shift_down, float scale) const {
+        const Real across = clamped(column + shift_across, width), down = clamped(row + shift_down, height);
+        const Whole left = Numbers::truncate(across), top = Numbers::truncate(down);
+        const Real right = across - Numbers::to_real(left), below = down - Numbers::to_real(top);
+        Real upper = (1.0f - right) * depth_or_zero(top, left);
+        upper = upper + right * depth_or_zero(top, left + 1);
+        Real lower = (1.0f - right) * depth_or_zero(top + 1, left);
+        lower = lower + right * depth_or_zero(top + 1, left + 1);
+        const Real between = (1.0f - below) * upper + below * lower;
+        const Real level = Numbers::round(DISPARITY_LEVELS * (scale / (between + 1.0e-10f)));
+        const Whole is_level = level < MAX_LEVEL;
+        return is_level ? Numbers::truncate(is_level ? level : Numbers::real(0.0f)) : Numbers::whole(0);
+    }
+};
+
+// Write levels for the pixels of a thread.
+template <class Model, class Depth, class Shifts, class Levels>
+inline void shift_to_levels(const Model& model, const Depth& depth, const Shifts& across, const Shifts& down, int view,
+                            int y, int x, const Levels& levels) {
+    typedef PixelNumbers Numbers;
+    const int height = depth.shape[1], width = depth.shape[2];
+    const long long first = (long long)view * height * width, row = first + (long long)y * width;
+    const ShiftedLevels<Numbers> shifted = {width, height, depth.data + first};
+    for_pixels<Numbers>(width, x, [&](int column) {
+        for (int k = 0; k < PixelWords<Numbers>::WORDS && column < width; ++k, column += Numbers::PIXELS) {
+            const int count = width - column;
+            const auto right = model.shift * Numbers::load(across.data + row + column, count);
+            const auto below = model.shift * Numbers::load(down.data + row + column, count);
+            Numbers::store(levels.data + row + column,
+                           shifted.of(Numbers::columns(column), (float)y, right, below, model.disparity_scale), count);
+        }
+    });
+}
+
+// A dot is detected if its window receives enough light from dots near its mean. `Numbers` hold columns of a window.
+template <class Numbers>
+struct DotWindow {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Whole Whole;
+    int width, dots_width;
+    const int* levels;  // at the dot
+    const unsigned char* dots;
+    int count;  // of columns of the image and the pattern from the window's center on
+
+    // Call a function with the levels and the dots of parts of the window's rows, 0 outside of the window, and with
+    // their squared distances from the center.
+    template <class Function>
+    inline void each(const Function& function) const {
+        for (int row = -DOT_REACH; row <= DOT_REACH; ++row)
+            for (int column = -DOT_REACH; column <= DOT_REACH; column += Numbers::PIXELS) {
+                const Whole columns = Numbers::indices(column), is_inside = columns <= DOT_REACH;
+                const Whole none = Numbers::whole(0);
+                const Whole level = Numbers::load(levels + (long long)row * width + column, count - column);
+                const Whole dot = Numbers::load(dots + (long long)row * dots_width + column, count - column);
+                function(is_inside ? level : none, is_inside ? dot : none, columns * columns + row * row);
+            }
+    }
+    inline bool is_detected() const {
+        const Whole none = Numbers::whole(0);
+        Whole number = none, total = none, light = none;
+        each([&](Whole level, Whole dot, Whole) {
+            total += level;
+            number += level > 0 ? Numbers::whole(1) : none;
+            light += dot;
+        });
+        const int levels_number = Numbers::sum(number), levels_total = Numbers::sum(total);
+        Whole found = none;
+        each([&](Whole level, Whole dot, Whole squared) {
+            const Real scaled = NEAR_MEAN_SCALE * Numbers::to_real(squared);
+            const Real share = squared > 0 ? scaled : Numbers::real(NEAR_MEAN);
+            const Real difference = Numbers::abs(Numbers::to_real(level * levels_number - levels_total));
+            const Whole is_near = (level > 0) & (difference < share * (float)levels_number);
+            found += is_near ? dot : none;
+        });
+        // More than 1 / 1.2 of the light in the window.
+        return 6 * Numbers::sum(found) > 5 * Numbers::sum(light);
+    }
+};
+
+// Write the levels of detected dots for the pixels of a thread, 0 elsewhere.
+template <class Dots, class Levels>
+inline void detect_dots(const Dots& dots, const Levels& levels, int view, int y, int x, const Levels& detected) {
+    const int height = levels.shape[1], width = levels.shape[2], dots_width = dots.shape[1];
+    const int rows = height < dots.shape[0] ? height : dots.shape[0], columns = width < dots_width ? width : dots_width;
+    const long long first = ((long long)view * height + y) * width;
+    const bool has_windows = y >= DOT_REACH && y < rows - DOT_REACH - 1;
+    const unsigned char* row = dots.data + (has_windows ? (long long)y * dots_width : 0);
+    for_pixels<OnePixel>(width, x, [&](int column) {
+        int level = 0;
+        if (has_windows && column >= DOT_REACH && column < columns - DOT_REACH - 1 && row[column]) {
+            const int* place = levels.data + first + column;
+            const DotWindow<PixelNumbers> window = {width, dots_width, place, row + column, columns - column};
+            if (window.is_detected()) level = *place;
+        }
+        detected.data[first + column] = level;
+    });
+}
+
+// Depth of the nearest detected dots, as quantized disparity with noise. `nearest` contains column and row offsets by
+// increasing distance.
+template <class Numbers, class Model, class Levels, class Offsets, class Normals>
+struct DotFill {
+    typedef typename Numbers::Real Real;
+    typedef typename Numbers::Whole Whole;
+    const SensorRow<Numbers>& row;
+    const Model& model;
+    const Levels& detected;
+    const Offsets& nearest;
+    const Normals& normals;
+
+    inline void measure(int x) const {
+        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS);
+    }
+    // Levels of pixels of a row of the image from a column on, 0 beyond its ends.
+    inline Whole levels(int column, int y) const {
+        const int* found = detected.data + row.first + (long long)y * row.width;
+        if (column >= 0 && column + Numbers::PIXELS <= row.width) return Numbers::load(found + column, Numbers::PIXELS);
+        int padded[Numbers::PIXELS];
+        for (int k = 0; k < Numbers::PIXELS; ++k)
+            padded[k] = column + k >= 0 && column + k < row.width ? found[column + k] : 0;
+        return Numbers::load(padded, Numbers::PIXELS);
+    }
+    inline Whole nearest_level(int x) const {
+        Whole level = Numbers::whole(0);
+        for (int i = 0; i < nearest.shape[0]; ++i) {
+            const auto& offset = nearest.data[i];
+            const int y = row.y + offset[1];
+            if (y < 0 || y >= row.height) continue;
+            const Whole other = levels(x + offset[0], y);
+            level = level > 0 ? level : other;
+            if (Numbers::all(level > 0)) break;
+        }
+        return level;
+    }
+    inline void measure_pixels(int x) const {
+        const Whole level = nearest_level(x), has_level = level > 0;
+        const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
+        const Real normal = Numbers::load(normals.data + row.place(x), row.count(x));
+        const Real units =
+            Numbers::round(model.disparity_scale / (Numbers::to_real(level) / DISPARITY_LEVELS) * model.units);
+        const Real steps = Numbers::round(STEPS_AT_UNIT / units + model.sigma * normal + 0.5f);
+        // Depth is infinite below the first step of disparity.
+        const Real reported = row.range.report(steps > 0.0f ? STEPS_AT_UNIT / steps / model.units : endless);
+        const Whole has_surface = SensorRange<Numbers>::finite(row.exact(x));
+        const Whole lost = has_surface ? Numbers::whole(REASON_EDGE) : Numbers::whole(REASON_EMPTY);
+        row.write(x, has_level ? reported : (has_surface ? none : endless),
+                  has_level ? SensorRange<Numbers>::reason(reported) : lost);
+    }
+};
