@@ -21,6 +21,16 @@ struct Aabb {
     // A single instruction, unlike __builtin_elementwise_min, which also handles NaN; no coordinate is NaN.
     static v8 unite(v8 a, v8 b) { return a < b ? a : b; }
 
+    // Widen a box in memory. Without the empty instruction, Clang makes this a masked store, which takes tens of cycles
+    // on AMD's processors: trees took up to 1.6 times as long.
+    static void widen(v8& box, v8 other) {
+        v8 wider = unite(box, other);
+#if defined(__x86_64__)
+        asm("" : "+x"(wider));
+#endif
+        box = wider;
+    }
+
     static v8 intersect(v8 a, v8 b) { return a > b ? a : b; }
 
     static float half_area(v8 box) {
@@ -131,7 +141,7 @@ struct Splitter {
         }
 
         void add(int axis, int k, v8 item) {
-            box[axis][k] = Aabb::unite(box[axis][k], item);
+            Aabb::widen(box[axis][k], item);
             ++count[axis][k];
         }
 
