@@ -162,11 +162,11 @@ def kinect_v1(width: int = 640, height: int = 480) -> StereoDepth:
     """Return a Microsoft Kinect of 2010: structured light, 75 mm, focal length 580 px at 640x480, 0.5 to 5 m.
 
     Disparities are rounded to 1/8 px. The standard deviation is half a step, including rounding (Khoshelham and
-    Elberink, "Accuracy and Resolution of Kinect Depth Data", Sensors 12(2), 2012); the random part is 0.05 px. Pixels
-    at edges are lost according to windows of 9 pixels, as in Handa's simulation ("A Benchmark for RGB-D Visual
-    Odometry", ICRA 2014). There is no invalid band, because the projector illuminates more than the image. The device
-    measures at 640x480. Images of other sizes are treated as resampled: windows scale with the width, disparities do
-    not.
+    Elberink, "Accuracy and Resolution of Kinect Depth Data", Sensors 12(2), 2012); the random part is 0.05 px.
+    Pixels at edges are lost according to windows of 9 pixels, as in Handa's simulation ("A Benchmark for RGB-D
+    Visual Odometry", ICRA 2014), and holes are correlated like such windows. There is no invalid band, because the
+    projector illuminates more than the image. The device measures at 640x480. Images of other sizes are treated as
+    resampled: windows scale with the width, disparities do not.
     """
     return _structured_light(_camera(width, height, _scaled(580.0, 640, width), 0.5, 5.0), 0.075, 580.0)
 
@@ -211,6 +211,7 @@ def _structured_light(camera: Camera, baseline: float, focal_length: float) -> S
         min_support=1 / 1.2,
         min_signal=_MIN_SIGNAL,
         full_signal=_FULL_SIGNAL,
+        hole_spacing=max(1, round(5 * scale)),
         native_camera=camera,
     )
 
