@@ -58,6 +58,7 @@ WORDS = {
     "PlanarCamera": "warpvis.cameras.image_cameras",
     "DepthKind": "warpvis.cameras.base",
     "Reflectivity": "warpvis.sensors._echoes",
+    "LearnedInput": "warpvis.sensors.depth._learned",
     "SceneSource": "warpvis.batch._frame_renderer",
     "CameraChoice": "warpvis.mujoco._batch_views",
     "Movable": "warpvis.mujoco._scene",

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 import warp as wp
@@ -24,16 +24,7 @@ from warpvis.scene import Scene
 from warpvis.sensors.depth._base import draw_normal_image, kernel_images
 
 LearnedInput: TypeAlias = Literal["depth", "true_depth", "normals", "camera_normals", "segmentation", "noise"]
-
-_CHANNELS: dict[str, int] = {
-    "depth": 1,
-    "true_depth": 1,
-    "normals": 3,
-    "camera_normals": 3,
-    "segmentation": 1,
-    "noise": 1,
-}
-"""Inputs of a module, and their channels."""
+"""An input of a module in `LearnedDepth`."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +72,11 @@ class LearnedDepth(DepthSensor):
         if not callable(self.module):
             raise ArrayError(f"module must be a torch.nn.Module or a function, got {truncate(repr(self.module))}")
         inputs = tuple(as_items([self.inputs] if isinstance(self.inputs, str) else self.inputs, "inputs"))
-        unknown = [name for name in inputs if not isinstance(name, str) or name not in _CHANNELS]
+        unknown = [name for name in inputs if not isinstance(name, str) or name not in get_args(LearnedInput)]
         if unknown or not inputs or len(set(inputs)) < len(inputs):
-            raise ArrayError(f"inputs must be different names of {', '.join(_CHANNELS)}, got {truncate(repr(inputs))}")
+            raise ArrayError(
+                f"inputs must be different names of {', '.join(get_args(LearnedInput))}, got {truncate(repr(inputs))}"
+            )
         object.__setattr__(self, "inputs", inputs)
         if self.of is not None and not isinstance(self.of, DepthSensor):
             raise ArrayError(f"of must be a model of warpvis.sensors, such as StereoDepth, got {self.of!r}")
