@@ -290,3 +290,32 @@ def test_baseline_in_millimeters_warns():
         match=r"baseline is 55 m, longer than that of any depth camera. If it is in millimeters, pass 0.055\.",
     ):
         StereoDepth(55)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(
+    "make", [wv.sensors.realsense_d435, wv.sensors.kinect_v1, lambda *size: StereoDepth(0.3, max_disparity=500.0)]
+)
+def test_limits_of_the_other_eye_change_no_pixel(make, side, monkeypatch):
+    """Surfaces beyond the limits cannot hide a pixel's point."""
+    sensor = dataclasses.replace(make(150, 101), other_eye=side)
+    camera = wv.Camera.from_fov(150, 101, hfov=1.4, near=0.3, far=8.0)
+    limited, cast_at = [], wv.rendering.Exposure.cast_at
+
+    def cast(exposure, eye, poses, points, limits=None):
+        limited.append(limits is not None)
+        seen = cast_at(exposure, eye, poses, points, limits if len(limited) == 1 else None)
+        depths.append(seen.numpy().copy())
+        return seen
+
+    monkeypatch.setattr(wv.rendering.Exposure, "cast_at", cast)
+    preset = wv.scenes.PRESETS["room"]
+    scene, poses = preset.build(), np.asarray(preset.poses(4), dtype=np.float32)
+    depths, measured = [], []
+    for _ in range(2):  # only the first one with limits
+        views = wv.render(scene, camera, poses, outputs=("depth", "reasons"), sensor=sensor, seed=1, frame=2)
+        measured.append((views.depth.numpy(), views.reasons.numpy()))
+    for mine, theirs in zip(*measured, strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    assert all(limited) and (measured[0][1] == Reason.SHADOW).any()
+    assert (depths[0] <= depths[1]).all() and (depths[0] < depths[1]).any()

@@ -95,7 +95,7 @@ class RemapJob:
     """Images to render, in units of trees over parts of maps.
 
     A map contains, for each pixel of (rows, columns), the position in the camera's image that it shows, x y x y ...
-    [px].
+    [px]. `limits` are the inverse depths beyond which surfaces are not searched for; None if all are.
     """
 
     camera: PinholeCamera
@@ -104,6 +104,7 @@ class RemapJob:
     columns: int
     tree_focal: wp.float64
     pixels: wp.array[float]
+    limits: wp.array[float]
 
 
 @wp.struct

@@ -117,7 +117,9 @@ def measure_stereo(
 
 
 @wp.func_native(
-    "warpvis::measure<warpvis::OtherPoints>(warpvis::sensor_row(inputs, view, y), x, model, eye, points_out);"
+    """
+warpvis::measure<warpvis::OtherPoints>(warpvis::sensor_row(inputs, view, y), x, model, eye, points_out, limits_out);
+"""
 )
 def place_pixels(
     model: StereoModel,
@@ -127,6 +129,7 @@ def place_pixels(
     y: int,
     x: int,
     points_out: wp.array3d[wp.vec2],
+    limits_out: wp.array3d[float],
 ): ...
 
 
@@ -140,11 +143,13 @@ def place_in_other_eyes(
     inputs: SensorInputs,
     # Out:
     points_out: wp.array3d[wp.vec2],
+    limits_out: wp.array3d[float],
 ):
     """Project every pixel's point into the other eye's image [px], which has `model.added_columns` on the left.
 
     The result is NaN if there is no point, if it is nearer than `model.min_depth`, or if it is outside that image.
+    `limits_out`, which may be None, is an inverse depth [1/m]: only nearer surfaces can hide the point.
     """
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    place_pixels(model, inputs, eyes[view], view, y, x, points_out)
+    place_pixels(model, inputs, eyes[view], view, y, x, points_out, limits_out)

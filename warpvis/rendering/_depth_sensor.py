@@ -67,8 +67,8 @@ class Exposure:
     """Output for a `warpvis.sensors.Reason` per pixel, ``(V, H, W)`` uint8; None if not requested."""
     scratch: Callable[[str, tuple[int, ...], type], wp.array]
     """Scratch memory: `scratch(name, shape, dtype)` returns an array, which later calls of the same kind reuse."""
-    cast: Callable[[Worlds, Camera, wp.array, wp.array, tuple[str, ...]], dict[str, wp.array]]
-    """Implementation of `cast_images_at` for given worlds."""
+    cast: Callable[..., dict[str, wp.array]]
+    """Implementation of `cast_images_at` for given worlds, which are its first argument."""
 
     @property
     def image_range(self) -> PinholeCamera:
@@ -99,19 +99,21 @@ class Exposure:
             span=WHOLE_ROW if rows and self.scene.device.is_cpu else 1,
         )
 
-    def cast_at(self, camera: Camera, poses: wp.array, points: wp.array) -> wp.array:
+    def cast_at(self, camera: Camera, poses: wp.array, points: wp.array, limits: wp.array | None = None) -> wp.array:
         """Cast through image points of another camera in the same worlds.
 
         Args:
             camera: The camera.
             poses: Its pose in each of V views, in the format of `Exposure.poses`.
             points: Its image points [px], ``(V, Y, X)`` vec2; faster if neighbors in the array are close in the image.
+            limits: Inverse depths beyond which surfaces are not needed [1/m], ``(V, Y, X)``, if `clip_near` is 0: where
+                the first surface is farther, depth may be that of the limit, which is faster.
 
         Returns:
             Depth at the points, ``(V, Y, X)``; +inf where a point is NaN or outside the image. The array is valid until
             `measure` returns or casts again.
         """
-        return self.cast_images_at(camera, poses, points, ("depth",))["depth"]
+        return self.cast(self.worlds, camera, poses, points, ("depth",), limits)["depth"]
 
     def cast_images_at(
         self, camera: Camera, poses: wp.array, points: wp.array, names: tuple[str, ...]

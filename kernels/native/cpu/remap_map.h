@@ -11,11 +11,12 @@
 struct RemapJob : Job {  // of the camera's image; nothing is visible outside
     int rows, columns;  // of the map
     double tree_focal;  // of both axes, in units of tree places, which are finer than pixels
+    const float* limits;  // inv_z at each place: farther surfaces are not searched for; null for no limits
 
     // The job of a `RemapCall` of kernels/casting/packets.py.
     template <class RemapCall>
     static inline RemapJob of(const RemapCall& call) {
-        RemapJob job = {Job::of_call(call), call.job.rows, call.job.columns, call.job.tree_focal};
+        RemapJob job = {Job::of_call(call), call.job.rows, call.job.columns, call.job.tree_focal, call.job.limits.data};
         job.pixels = call.job.pixels.data;
         return job;
     }
@@ -97,6 +98,24 @@ struct MapBlock {
     // Offset of a pixel from the first one of its block.
     static inline long long offset(const RemapJob& job, int k) {
         return (long long)(k / BLOCK_SIDE) * job.columns + k % BLOCK_SIDE;
+    }
+    // Load the limits of a block, 0 without any. `place` is that of a partial tile.
+    static inline Floats limits(const RemapJob& job, const MapTile& tile, int block, const int* place) {
+        if (!job.limits) return Lanes::all(0.0f);
+        const float* source = job.limits + tile.view * job.rows * job.columns;
+        if (!tile.whole) {
+            Floats found = Lanes::all(0.0f);
+            for (int k = 0; k < LANES; ++k)
+                if (place[k] >= 0) found[k] = source[place[k]];
+            return found;
+        }
+        typedef float Four __attribute__((ext_vector_type(BLOCK_SIDE)));
+        Four r[BLOCK_SIDE];
+        source += (long long)tile.block_row(block) * job.columns + tile.block_column(block);
+        for (int k = 0; k < BLOCK_SIDE; ++k) __builtin_memcpy(&r[k], source + (long long)k * job.columns, sizeof r[k]);
+        const auto upper = __builtin_shufflevector(r[0], r[1], 0, 1, 2, 3, 4, 5, 6, 7);
+        const auto lower = __builtin_shufflevector(r[2], r[3], 0, 1, 2, 3, 4, 5, 6, 7);
+        return __builtin_shufflevector(upper, lower, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     }
     // Load rows of x y x y ..., `stride` numbers from each other.
     static inline MapBlock rows(const float* from, long long stride) {

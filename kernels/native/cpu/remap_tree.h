@@ -154,7 +154,8 @@ struct RemapTree {
             Lanes::store(rest_u + packet * LANES, at_u.error);
             Lanes::store(rest_v + packet * LANES, at_v.error);
             // Places outside the image occlude everything and are never written.
-            start[block] = inside ? none : Lanes::all(NOWHERE);
+            const Floats limits = MapBlock::limits(job, tile, block, place + packet * LANES);
+            start[block] = inside ? limits : Lanes::all(NOWHERE);
             Lanes::store(image.inv_z + packet * LANES, start[block]);
             low_u[block] = inside ? at_u.rounded : Lanes::all(NOWHERE);
             low_v[block] = inside ? at_v.rounded : Lanes::all(NOWHERE);

@@ -251,7 +251,7 @@ struct Stereo {
 };
 
 // Project the points of pixels into the image of a view's other eye, x y x y ... [px]; NaN if they lie outside.
-template <class Numbers, class Model, class Eye, class Points>
+template <class Numbers, class Model, class Eye, class Points, class Limits>
 struct OtherPoints {
     typedef typename Numbers::Real Real;
     typedef typename Numbers::Whole Whole;
@@ -259,6 +259,7 @@ struct OtherPoints {
     const Model& model;
     const Eye& eye;
     const Points& points;
+    const Limits& limits;
 
     inline void measure(int x) const {
         for (int k = 0; row.has_word(x, k); ++k) project(x + k * Numbers::PIXELS);
@@ -276,6 +277,12 @@ struct OtherPoints {
         const Real none = Numbers::real(Numbers::no_number());
         Numbers::store_pairs((float*)points.data + row.place(x) * 2, is_inside ? column : none,
                              is_inside ? inside(pixel_row) : none, row.count(x));
+        if (limits.data) Numbers::store(limits.data + row.place(x), limit(nearness), row.count(x));
+    }
+    // Inverse depths beyond which no surface hides a point, by half of the tolerance, and less than rounding.
+    inline Real limit(Real nearness) const {
+        const float scale = model.shift_scale < 0.0f ? -model.shift_scale : model.shift_scale;
+        return nearness * 0.999999f + 0.5f * model.shadow_tolerance / scale;
     }
     // Clamp rows that rounding moved beyond the upper or lower edge: both eyes share their rows.
     inline Real inside(Real pixel_row) const {

@@ -90,7 +90,7 @@ class CastOptions:
 class ViewBatch:
     """The checked views of one call."""
 
-    __slots__ = ("_device_poses", "appearances", "count", "numbers", "pixels", "poses", "worlds")
+    __slots__ = ("_device_poses", "appearances", "count", "limits", "numbers", "pixels", "poses", "worlds")
 
     def __init__(
         self,
@@ -98,6 +98,7 @@ class ViewBatch:
         worlds: Any,
         *,
         pixels: wp.array | None = None,
+        limits: wp.array | None = None,
         numbers: NDArray[np.int64] | None = None,
         appearances: DeviceAppearances | None = None,
     ) -> None:
@@ -108,22 +109,27 @@ class ViewBatch:
             worlds: The world of each view, a `warpvis.kernels.casting.worlds.Worlds`.
             pixels: Image points through which to cast instead of pixel centers [px], vec2 of shape ``(V, Y, X)``, which
                 is also the shape of the images; Y is 1 for lists.
+            limits: Inverse depths at `pixels` beyond which surfaces are not needed [1/m], ``(V, Y, X)``: a caster may
+                write the limit's depth instead. None for no limits.
             numbers: Number and frame of each view, which seed the random numbers of a sensor, shape ``(V, 2)``.
             appearances: Appearances of worlds; None if all have the scene's.
         """
         self.poses, self.worlds, self.pixels, self.numbers = poses, worlds, pixels, numbers
-        self.appearances = appearances
+        self.appearances, self.limits = appearances, limits
         self.count = len(poses)
         self._device_poses: wp.array | None = poses if isinstance(poses, wp.array) else None
 
     def part(self, part: slice) -> ViewBatch:
         """Return a slice of the views."""
-        pixels, numbers = (None if array is None else array[part] for array in (self.pixels, self.numbers))
+        arrays = self.pixels, self.limits, self.numbers
+        pixels, limits, numbers = (None if array is None else array[part] for array in arrays)
         appearances = self.appearances
         if appearances is not None and self.worlds.world is None:
             appearances = appearances.rows(part)
         worlds = part_of(self.worlds, part)
-        return ViewBatch(self.poses[part], worlds, pixels=pixels, numbers=numbers, appearances=appearances)
+        return ViewBatch(
+            self.poses[part], worlds, pixels=pixels, limits=limits, numbers=numbers, appearances=appearances
+        )
 
     def poses_on(self, device: wp.Device) -> wp.array:
         """Return the poses on a device, transforms of shape ``(V,)``."""

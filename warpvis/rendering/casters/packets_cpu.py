@@ -81,9 +81,14 @@ class Workspace:
         self._images.fill(images)
         if views.pixels is not None:
             self._job.pixels = views.pixels.flatten().view(wp.float32).flatten()
+        limits = views.limits if hasattr(self._job, "limits") else None  # lists of points ignore them
+        if limits is not None:
+            self._job.limits = limits.flatten()
         launch_shared(self._launch, self._counter, self._workers)
         if views.pixels is not None:
             self._job.pixels = None
+        if limits is not None:
+            self._job.limits = None
 
     def _write_poses(self, poses: Any) -> None:
         self._pose_rows[:] = poses

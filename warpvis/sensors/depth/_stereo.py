@@ -181,7 +181,7 @@ class StereoDepth(Device):
         """Scratch memory per pixel [B]."""
         fattened = 16 if self.needs else 8
         nodes = 4 * (self._has_smooth_noise + self._has_clumps)
-        return (12 if self.shadow else 0) + nodes + (fattened if self.fattening else 0)
+        return (16 if self.shadow else 0) + nodes + (fattened if self.fattening else 0)
 
     @property
     def edge_shift(self) -> int:
@@ -247,8 +247,11 @@ class StereoDepth(Device):
             model.other_width, model.added_columns = other.width, other.cx - exposure.camera.cx
             model.min_depth = self._scale(exposure.camera) / self.max_disparity
             points = exposure.scratch("points", exposure.true_depth.shape, wp.vec2)
-            exposure.launch(place_in_other_eyes, model, inputs, points, cameras=[eyes], rows=True)
-            model.other_depth = exposure.cast_at(other, other_poses, points)
+            limits = None
+            if device.is_cpu and exposure.clip_near == 0.0:
+                limits = exposure.scratch("limits", points.shape, wp.float32)
+            exposure.launch(place_in_other_eyes, model, inputs, points, limits, cameras=[eyes], rows=True)
+            model.other_depth = exposure.cast_at(other, other_poses, points, limits)
         exposure.launch(measure_stereo, model, inputs, kernel_images(exposure), cameras=[eyes], rows=True)
 
     def _fatten(self, exposure: Exposure, inputs: SensorInputs) -> None:
@@ -281,7 +284,7 @@ class StereoDepth(Device):
         model.signal_slope = 1.0 / (self.full_signal - self.min_signal) if self._checks_signal else 1.0
         model.detection_rate = 1.0 - self.dropout
         model.sigma, model.locking, model.levels = self.sigma, self.locking, self.subpixel
-        model.column_slopes, model.row_slopes = _slopes(camera, exposure.scene.device)
+        model.column_slopes, model.row_slopes = _slopes(camera, str(exposure.scene.device))
         if self._has_smooth_noise:
             model.noise = _draw_field(exposure, STREAM_DISPARITY, self.noise_spacing)
         if self._has_clumps:
@@ -318,7 +321,8 @@ def _node_weights(spacing: int, width: int, device: str) -> tuple[wp.array, ...]
     )
 
 
-def _slopes(camera: Camera, device: wp.Device) -> tuple[wp.array, wp.array]:
+@lru_cache(maxsize=64)
+def _slopes(camera: Camera, device: str) -> tuple[wp.array, wp.array]:
     """Return x of the rays of columns and y of the rays of rows, for z = 1."""
     columns = (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx
     rows = (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy
