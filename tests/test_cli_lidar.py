@@ -104,6 +104,8 @@ def test_noise_of_lidars(folder, monkeypatch, poses):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (("--lidar", "os9-128", "--poses", "walk.txt"), "--lidar must be OS0-128, .* got 'os9-128'"),
+        (("--lidar", "rplidar-x9", "--poses", "walk.txt"), "--lidar must be .*A1.* got 'X9'"),
         (("--lidar", "vlp99", "--poses", "walk.txt"), "--lidar must be vlp16, vlp32c, .* got 'vlp99'"),
         (("--lidar", "vlp16"), "give --poses with --lidar"),
         (("--lidar", "vlp16", "--poses", "walk.txt", "--camera", "kinect"), "no camera is rendered: give no --camera"),

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -37,11 +38,14 @@ def find_lidar(name: str) -> Rays | Livox:
     plain = name.lower().replace("-", "")
     if plain in spinning:
         return spinning[plain]()
-    if plain.startswith("rplidar"):
-        return lidars.rplidar(plain.removeprefix("rplidar"))
     model, mode = (name.partition("@")[0], name.partition("@")[2] or None)
-    if model.lower().endswith(".json") or plain.startswith("os"):
-        return lidars.ouster(model, mode)
+    try:
+        if plain.startswith("rplidar"):
+            return lidars.rplidar(plain.removeprefix("rplidar"))
+        if model.lower().endswith(".json") or plain.startswith("os"):
+            return lidars.ouster(model, mode)
+    except CameraError as error:  # which names the parameter of a function
+        raise CameraError(re.sub(r"^(sensor|model) must be", "lidar must be", str(error))) from None
     livox, _, file = name.partition(":")
     if livox.lower().replace("-", "") in ("mid360", "avia", "horizon", "tele", "mid40", "mid70", "hap"):
         return lidars.livox(livox, file or None)
