@@ -36,8 +36,8 @@ class LearnedDepth(DepthSensor):
     lost pixels; depth outside of the camera's range becomes -inf or +inf. The module runs without gradients, and
     neither changes its inputs in place nor keeps them without a copy.
 
-    Tensors share the memory of the rendered images; `fill`, ``"camera_normals"`` and ``"noise"`` need memory of their
-    own. On CUDA, the module runs on Warp's stream, and only its first call waits for the GPU.
+    Tensors share the memory of the rendered images; `fill`, ``"camera_normals"`` and ``"noise"`` need separate memory.
+    On CUDA, the module runs on Warp's stream, and only its first call waits for the GPU.
     """
 
     module: Callable[..., Any]
