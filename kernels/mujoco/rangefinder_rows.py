@@ -40,7 +40,7 @@ class RangefinderCall:
     cam_xmat: wp.array2d[wp.mat33]
     columns: int  # numbers of a world's readings
     job: RowJob  # views are worlds, and rows are rays
-    spheres: wp.array2d[wp.float64]  # a row of scratch memory for each worker
+    spheres: wp.array2d[wp.float32]  # a row of scratch memory for each worker
 
 
 @wp.struct
@@ -56,13 +56,13 @@ def enter_job(job: RowJob) -> int: ...
 
 @wp.func_native("warpvis::Spheres::of(spheres, worker).place(geoms, geom_xpos, world);")
 def place_spheres(
-    geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], world: int, spheres: wp.array2d[wp.float64], worker: int
+    geoms: RayGeoms, geom_xpos: wp.array2d[wp.vec3], world: int, spheres: wp.array2d[wp.float32], worker: int
 ): ...
 
 
-@wp.func_native("return warpvis::Spheres::of(spheres, worker).met(block, ray, nearest, body);")
+@wp.func_native("return warpvis::Spheres::of(spheres, worker).met(block, count, ray, nearest, body);")
 def spheres_met(
-    spheres: wp.array2d[wp.float64], worker: int, block: int, ray: Ray, nearest: wp.float64, body: int
+    spheres: wp.array2d[wp.float32], worker: int, block: int, count: int, ray: Ray, nearest: wp.float64, body: int
 ) -> wp.uint32: ...
 
 
@@ -81,7 +81,7 @@ def read_rays(
     cam_xpos: wp.array2d[wp.vec3],
     cam_xmat: wp.array2d[wp.mat33],
     rows: wp.vec3i,
-    spheres: wp.array2d[wp.float64],
+    spheres: wp.array2d[wp.float32],
     worker: int,
     readings: wp.array[wp.float32],
     columns: int,
@@ -90,14 +90,15 @@ def read_rays(
 
     The parameters are not one struct, because Warp copies the structs in it at every access.
     """
-    world = rows[0]
+    world, count = rows[0], geoms.geom.shape[0]
     place_spheres(geoms, geom_xpos, world, spheres, worker)
     for index in range(rows[1], rows[2]):
         frame = sensor_frame(rays, index, site_xpos, site_xmat, cam_xpos, cam_xmat, world)
         ray = sensor_ray(rays, index, frame)
         nearest = farthest_hit()
-        for block in range((geoms.geom.shape[0] + CPU_LANES - 1) // CPU_LANES):
-            met = spheres_met(spheres, worker, block, ray, nearest.distance, rays.body[index])
+        for block in range((count + CPU_LANES - 1) // CPU_LANES):
+            remaining = count - CPU_LANES * block
+            met = spheres_met(spheres, worker, block, remaining, ray, nearest.distance, rays.body[index])
             while met != wp.uint32(0):
                 geom = CPU_LANES * block + lowest_bit(met)
                 nearest = nearer_hit(geoms, geom_xpos, geom_xmat, world, geom, ray, nearest)

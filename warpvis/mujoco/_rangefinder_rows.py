@@ -36,7 +36,7 @@ class ReadingRows:
         self._rays = rays.body.shape[0]
         self._rows = PackedRows(read_rangefinder_rows, RangefinderCall, RangefinderReadings, threads)
         blocks = -(-geoms.geom.shape[0] // CPU_LANES)
-        self._spheres = aligned_zeros((threads, max(blocks, 1) * CPU_LANES * _SPHERE_NUMBERS), wp.float64)
+        self._spheres = aligned_zeros((threads, max(blocks, 1) * CPU_LANES * _SPHERE_NUMBERS), wp.float32)
         # Arguments that are not written yet.
         self._new = {"geoms": geoms, "rays": rays, "columns": columns, "spheres": self._spheres} | frames
 
@@ -79,11 +79,16 @@ class FrameCopies:
         Returns:
             Whether they could be copied, and are provably finite and computed, as `check_computed` requires.
         """
-        for name, part in self._of_data if isinstance(source, mujoco.MjData) else self._of_worlds:
-            values = getattr(source, name, None)
-            if type(values) is not np.ndarray or values.shape != part.shape or values.dtype.kind != "f":
+        is_data = isinstance(source, mujoco.MjData)
+        for name, part in self._of_data if is_data else self._of_worlds:
+            values: Any = getattr(source, name, None)
+            if not is_data and (type(values) is not np.ndarray or values.dtype.kind != "f"):
+                return False
+            if values.shape != part.shape:
                 return False
             part[...] = values
-        numbers = self._numbers
-        # The first test of a rotation is much faster, and rarely inconclusive.
-        return math.isfinite(numbers @ numbers) and all(first[0] or first.any() for first in self._rotations)
+        for rotation in self._rotations:
+            # The first number is rarely 0, and testing it is much faster.
+            if not rotation[0] and not rotation.any():
+                return False
+        return math.isfinite(self._numbers.dot(self._numbers))

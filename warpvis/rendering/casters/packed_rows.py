@@ -35,12 +35,15 @@ class PackedRows:
             kernel, [array_of_one(self._call, call_type), array_of_one(self._images, images_type)]
         )
         self._costs = RayCosts(threads)
+        self._shape: tuple[int, int, int] | None = None
 
     def run(self, shape: tuple[int, int, int], images: dict[str, wp.array], **values: Any) -> None:
         """Write images of a shape ``(views, height, width)``; `values` are structs, arrays and numbers of the call."""
         views, height, width = shape
         strip = max(1, _STRIP_PIXELS // width)
-        write_fields(self._job, views=views, height=height, strip=strip)
+        if shape != self._shape:
+            write_fields(self._job, views=views, height=height, strip=strip)
+            self._shape = shape
         write_fields(self._call, **values)
         write_fields(self._images, **images)
         pixels = views * height * width
