@@ -3,8 +3,8 @@
 //
 // The motion of a sensor, as in kernels/casting/motions.py, relative to a reference pose: for many rays at once.
 //
-// Within a leg, the pose at share s is the pose at share b times exp((s - b) w), where the w is the leg's rotation
-// vector: both rotate about the same axis of the body. With W the cross product matrix of w and x = (s - b)^2 |w|^2,
+// Within a leg, the pose at share s is the pose at share b times exp((s - b) w), where w is the leg's rotation vector:
+// both rotate about the same axis of the body. With W the cross product matrix of w and x = (s - b)^2 |w|^2,
 //
 //     exp((s - b) w) = 1 + (s - b) S(x) W + (s - b)^2 C(x) W^2,    S(x) = sin(r) / r,  C(x) = (1 - cos(r)) / r^2
 //
