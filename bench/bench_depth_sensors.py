@@ -3,7 +3,8 @@
 """Measure depth-camera models against rendering the exact images that they start from.
 
 ``python bench/bench_depth_sensors.py`` alternates between them on the CPU and prints the ratio of each model's time to
-that of exact depth: the complete model, without the second eye, without edges, and without any effect.
+that of exact depth: the complete model, without the second eye, without edges, and without any effect. With
+``--models``, it compares all models with exact depth on one thread, by the minimum of its CPU time.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import time
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -32,6 +34,15 @@ PARTS = {
     "nothing": wv.sensors.StereoDepth(0.05, shadow=False),
     "shadows alone": wv.sensors.StereoDepth(0.05, max_disparity=126.0),
 }
+MODELS = {
+    "RealSense D435": SENSOR,
+    "Azure Kinect": dataclasses.replace(wv.sensors.azure_kinect(), native_camera=None),
+    "SimKinect": wv.sensors.SimKinect(),
+    "NguyenNoise": wv.sensors.NguyenNoise(),
+    "KhoshelhamNoise": wv.sensors.KhoshelhamNoise(),
+    "Corruptions": wv.sensors.Corruptions(),
+}
+MODEL_VIEWS = 8
 
 
 @cache
@@ -52,6 +63,25 @@ def calls(name: str, **options: Any) -> dict[str, Callable[[], Any]]:
     return {part: lambda part=part: renderers[part].render(poses, out=views[part]) for part in renderers}
 
 
+def compare_models(name: str, rounds: int) -> None:
+    """Print the CPU time of one thread for exact depth and for each model."""
+    scene, poses = build(name), np.asarray(wv.scenes.PRESETS[name].poses(MODEL_VIEWS), dtype=np.float32)
+    endless = dataclasses.replace(CAMERA, near=0.0, far=math.inf)
+    renderers = {"exact depth": wv.Renderer(scene, endless, outputs="depth", threads=1)}
+    for model, sensor in MODELS.items():
+        renderers[model] = wv.Renderer(scene, CAMERA, outputs="depth", sensor=sensor, threads=1)
+    views = {model: renderer.render(poses) for model, renderer in renderers.items()}
+    times = dict.fromkeys(renderers, math.inf)
+    for _ in range(rounds):
+        for model, renderer in renderers.items():
+            start = time.thread_time()
+            renderer.render(poses, out=views[model])
+            times[model] = min(times[model], time.thread_time() - start)
+    print(f"{name}: {CAMERA.width}x{CAMERA.height} pixels, CPU time of one thread, {MODEL_VIEWS} views per call")
+    for model, seconds in times.items():
+        print(f"  {model}: {1e3 * seconds / MODEL_VIEWS:.2f} ms a view, {seconds / times['exact depth']:.1f} times")
+
+
 @pytest.mark.benchmark(group="depth sensors")
 @pytest.mark.parametrize("part", PARTS)
 def test_stereo(benchmark, part, threads):
@@ -66,13 +96,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--scenes", nargs="+", default=SCENES, choices=SCENES)
+    parser.add_argument("--models", action="store_true", help="compare all models instead of parts of one")
     arguments = parser.parse_args()
     for name in arguments.scenes:
+        if arguments.models:
+            compare_models(name, arguments.rounds)
+            continue
         measured = calls(name)
         times = [float(np.median(column)) / VIEWS for column in take_turns(list(measured.values()), arguments.rounds)]
         print(f"{name}: {CAMERA.width}x{CAMERA.height} pixels, exact depth {1e6 * times[0]:.0f} us a view; as long:")
-        for part, time in zip(measured, times, strict=True):
-            print(f"  {part}: {time / times[0]:.2f} times, {1e6 * time:.0f} us")
+        for part, seconds in zip(measured, times, strict=True):
+            print(f"  {part}: {seconds / times[0]:.2f} times, {1e6 * seconds:.0f} us")
 
 
 if __name__ == "__main__":
