@@ -329,9 +329,9 @@ BAD = {
         lambda: wv.Camera.from_kalibr(
             KALIBR
             | {"camera_model": "omni", "intrinsics": [1, 2, 3, 4, 5]}
-            | {"distortion_model": "radtan", "distortion_coeffs": [0.1, 0, 0, 0]}
+            | {"distortion_model": "equidistant", "distortion_coeffs": [0.1, 0, 0, 0]}
         ),
-        "distortion_model of camera_model omni must be none, got radtan with non-zero coefficients",
+        "distortion_model of camera_model omni must be none or radtan, got equidistant with non-zero coefficients",
     ),
     "nerfstudio": (
         lambda: wv.Camera.from_nerfstudio({"fl_x": 1}),
