@@ -20,7 +20,7 @@ class MovingRays:
     directions: wp.array2d[wp.float64]  # (3, rays), of depth 1
     origins: wp.array2d[float]  # (3, rays) [m]; None if all are 0
     times: wp.array[wp.float64]  # after the start of the frame [s]
-    middles: wp.array[wp.float64]  # (bundles): of their times [s]
+    spans: wp.array2d[wp.float64]  # (bundles, 2): their first and last times [s]
     left: wp.array[wp.int32]  # (views), Out: 1 for views that packets cannot cast
     touched: wp.array[
         wp.int32

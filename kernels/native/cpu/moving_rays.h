@@ -69,9 +69,9 @@ struct MovingBundles {
         const Bundle& bundle = table.bundle[number];
         const RayTree rest = table.tree_of(number);
         const SensorPath path = SensorPath::of(table.motion, index);
-        const double middle = table.rays.middle[number] + path.start;
+        const double *span = table.rays.span + 2 * number, middle = 0.5 * (span[0] + span[1]) + path.start;
         Pose pose = bundle.face(path.at(middle));
-        MovingTreeMaker made = {memory.tree, rest, bundle, (float)table.focal[0]};
+        MovingTreeMaker made = {memory.tree, rest, bundle, (float)table.focal[0], span[0], span[1]};
         const long long first = (long long)bundle.first_group * (LANES * LANES * LANES);
         if (!made.make(table.rays, path, pose, middle, first)) {
             table.left[index] = 1;

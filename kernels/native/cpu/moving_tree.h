@@ -16,13 +16,13 @@ struct TimedRays {
     const double* direction;  // of depth 1
     const float* origin;  // null if all are 0
     const double* time;  // [ray]
-    const double* middle;  // [bundle]: of its times
+    const double* span;  // [bundle]: its first and last time
     long long count;
 
     // Those of a `MovingRays` of kernels/casting/moving_ray_packets.py.
     template <class MovingRays>
     static inline TimedRays of(const MovingRays& rays) {
-        return TimedRays{rays.directions.data, rays.origins.data, rays.times.data, rays.middles.data,
+        return TimedRays{rays.directions.data, rays.origins.data, rays.times.data, rays.spans.data,
                          rays.times.shape[0]};
     }
     static inline Some some(const double* from) {
@@ -99,6 +99,7 @@ struct MovingTreeMaker {
     const RayTree& rest;  // at rest
     const Bundle& bundle;
     float focal;
+    double earliest, latest;  // times of rays
     int tiles;
     LaneRange from[3];  // origins of rays
     LaneRange per_z;  // 1 / z of directions of depth 1
@@ -107,7 +108,6 @@ struct MovingTreeMaker {
     RelativeLeg leg[MAX_LEGS];  // during the times of the rays
     int legs = 0;
     double most = 0.0;  // square of the greatest rotation of a leg
-    double earliest = 0.0, latest = 0.0;  // times of rays
 
     static constexpr float MARGIN = 1e-3f;  // of bounds [px]
     static constexpr float MAX_TANGENT = 4.0f;  // of the angle between a ray and the bundle's axis
@@ -144,27 +144,14 @@ struct MovingTreeMaker {
     }
     inline bool is_ahead() const {
         if (!(per_z.least() > 0.0f)) return false;
-        float reach = 0.0f;
-        for (int side = 0; side < RayTree::BOUND_ROWS; ++side)
-            for (int k = 0; k < bundle.groups; ++k)
-                reach = __builtin_fmaxf(reach, __builtin_fabsf(tree.group_bounds[side * LANES + k]));
-        return reach <= MAX_TANGENT * focal;
+        const RayBox box = around(tree.group_bounds);
+        const float reach = MAX_TANGENT * focal;
+        return box.u0 >= -reach && box.v0 >= -reach && box.u1 <= reach && box.v1 <= reach;
     }
 
     // First pass. The legs of all rays are between those of the first and the last time.
     inline bool move(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
                      long long first) {
-        earliest = __builtin_inf(), latest = -__builtin_inf();
-        const long long count = (long long)tiles * LANES * LANES;
-        Some low = (Some)(__builtin_inf()), high = -low;
-        for (long long k = 0; k < count; k += SOME) {
-            const Some time = TimedRays::some(rays.time + first + k);
-            low = time < low ? time : low, high = time > high ? time : high;
-        }
-        for (int k = 0; k < SOME; ++k) {
-            earliest = __builtin_fmin(earliest, low[k]);
-            latest = __builtin_fmax(latest, high[k]);
-        }
         const int first_leg = path.leg_at(earliest + path.start);
         legs = path.leg_at(latest + path.start) - first_leg + 1;
         if (legs > MAX_LEGS) return false;
@@ -315,7 +302,7 @@ struct MovingTreeMaker {
     }
     static inline RayBox around(const float* rows) {
         return RayBox{Lanes::min_of(Lanes::load(rows)), Lanes::min_of(Lanes::load(rows + LANES)),
-                      -Lanes::min_of(-Lanes::load(rows + 2 * LANES)), -Lanes::min_of(-Lanes::load(rows + 3 * LANES))};
+                      Lanes::max_of(Lanes::load(rows + 2 * LANES)), Lanes::max_of(Lanes::load(rows + 3 * LANES))};
     }
 
     inline int rays() const {

@@ -125,30 +125,32 @@ class MovingCaster(RaysCaster):
         from warpvis.kernels.casting.moving_objects import cast_touched_rays
 
         bits = wp.array(touched.reshape(views.count, *self._image), dtype=wp.int32, device="cpu", copy=False)
-        rays = [self._rays, self._origins, self._times, bits, self._options.cull_backfaces, images_struct(images)]
-        triangles = self._scene.triangles(faces="faces" in images).struct
-        camera = self._camera.ray_range(clip_near=self._options.clip_near)
-        launch_images(
-            cast_touched_rays,
-            (views.count, *self._image),
-            lambda window: [triangles, camera, views.poses.sensor, window, views.worlds, objects, *rays],
-            device=self._scene.device,
-            threads=self._options.threads,
-        )
+        self._launch_rays(cast_touched_rays, views, [objects], [bits], images)
 
     def _cast_single_rays(self, views: ViewBatch, images: ImagesByName) -> None:
         from warpvis.kernels.casting.moving_objects import cast_at_moving_objects
         from warpvis.kernels.casting.moving_rays import cast_moving_rays
 
-        poses, outputs = views.poses, images_struct(images)
+        if views.poses.objects is None:
+            self._launch_rays(cast_moving_rays, views, [], [], images)
+        else:
+            self._launch_rays(cast_at_moving_objects, views, [views.poses.objects], [], images)
+
+    def _launch_rays(
+        self,
+        kernel: wp.Kernel,
+        views: ViewBatch,
+        objects: list[MotionStruct],
+        bits: list[wp.array],
+        images: ImagesByName,
+    ) -> None:
         triangles = self._scene.triangles(faces="faces" in images).struct
         camera = self._camera.ray_range(clip_near=self._options.clip_near)
-        objects = [] if poses.objects is None else [poses.objects]
-        rays = [self._rays, self._origins, self._times, self._options.cull_backfaces, outputs]
+        rays = [self._rays, self._origins, self._times, *bits, self._options.cull_backfaces, images_struct(images)]
         launch_images(
-            cast_moving_rays if poses.objects is None else cast_at_moving_objects,
+            kernel,
             (views.count, *self._image),
-            lambda window: [triangles, camera, poses.sensor, window, views.worlds, *objects, *rays],
+            lambda window: [triangles, camera, views.poses.sensor, window, views.worlds, *objects, *rays],
             device=self._scene.device,
             threads=self._options.threads,
         )

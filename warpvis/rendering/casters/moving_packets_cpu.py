@@ -140,17 +140,17 @@ def prepare_moving_rays(camera: AnyCamera) -> PreparedMovingRays:
     times = np.zeros(shape) if camera.times is None else camera.times.reshape(shape)
     prepared, struct = prepare_rays(camera.rays.reshape(*shape, 3), times), MovingRays()
     place, bundles = prepared.struct.place.numpy(), prepared.struct.bundle.numpy()
-    directions, moments, middles = np.zeros((3, len(place))), np.zeros(len(place)), np.zeros(len(bundles))
+    directions, moments, spans = np.zeros((3, len(place))), np.zeros(len(place)), np.zeros((len(bundles), 2))
     for number, (group, num_groups, *axes) in enumerate(bundles[:, :5].tolist()):
         slots = slice(group * _GROUP_RAYS, (group + num_groups) * _GROUP_RAYS)
         pixel = place[slots]
         of_rays = times.ravel()[pixel[pixel >= 0]]
-        middles[number] = (of_rays.min() + of_rays.max()) / 2
-        moments[slots] = np.where(pixel >= 0, times.ravel()[pixel], middles[number])
+        spans[number] = of_rays.min(), of_rays.max()
+        moments[slots] = np.where(pixel >= 0, times.ravel()[pixel], spans[number].mean())
         # Lanes without a ray point forward, so that no number is infinite.
         forward = [component(np.eye(3), axes[2])] * len(pixel)
         directions[:, slots] = np.where(pixel >= 0, camera.rays.reshape(-1, 3)[pixel].T, np.transpose(forward))
-    for name, array in (("directions", directions), ("times", moments), ("middles", middles)):
+    for name, array in (("directions", directions), ("times", moments), ("spans", spans)):
         setattr(struct, name, wp.array(array, dtype=wp.float64, device="cpu"))
     if origins is not None:
         struct.origins = wp.array(
