@@ -42,7 +42,7 @@ def test_calibration_files_are_read(name, tmp_path):
 
 @pytest.mark.parametrize("name", CASES)
 def test_calibration_files_without_distortion(name, tmp_path):
-    """A pinhole with the same intrinsics and a warning, or one sentence if the lens is none."""
+    """A pinhole with the same intrinsics and a warning, or one sentence if the lens is not one."""
     case = CASES[name]
     argument = written(case, tmp_path)
     if case.lens.is_pinhole:

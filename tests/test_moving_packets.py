@@ -35,7 +35,7 @@ def twist(rng, views, speed=2.0, turns=1.0):
 
 
 def spinning(count, columns):
-    """Return rays in columns around the z axis, one column after the other, with origins beside the axis."""
+    """Return rays in columns around the z axis, one column after the other, with origins off the axis."""
     azimuth = -2 * np.pi * np.arange(columns) / columns
     elevation = np.radians(np.linspace(25, -25, count))[:, None]
     directions = np.stack(
@@ -93,7 +93,7 @@ def sensors():
 @pytest.mark.smoke("ouster")
 @pytest.mark.parametrize("name", sensors())
 def test_moving_packets_match_single_rays(name):
-    """Worlds have poses of objects of their own, and exclude one; a motion has starts and several instants."""
+    """Each world has separate poses of objects, and excludes one; a motion has starts and several instants."""
     rng, camera = np.random.default_rng(1), sensors()[name]
     rows = np.stack([random_poses(rng, 5, spread=1.5) for _ in range(3)])
     scene = build("cpu", rows[0], movable=True)

@@ -74,7 +74,7 @@ def _xml_value(item: Any) -> Any:
 
 
 def is_opencv(data: Mapping[str, Any]) -> bool:
-    """Return whether a file is OpenCV's or ROS's calibration: it has a key of theirs, or any matrix of OpenCV."""
+    """Return whether a file is OpenCV's or ROS's calibration: it has one of their keys, or any matrix of OpenCV."""
     types = (value.get("type_id") for value in data.values() if isinstance(value, dict))
     names = (*_STEREO, *(name for names in _NAMES.values() for name in names))
     return any(name in data for name in names) or "opencv-matrix" in types
