@@ -6,6 +6,18 @@
 #include "cpu/number_lanes.h"
 #include "shared/random.h"
 
+// Numbers of two registers of pixels: a core computes both at once, as long chains of operations leave it waiting.
+struct PixelPairs {
+    typedef float Real __attribute__((ext_vector_type(2 * LANES)));
+    typedef unsigned Word __attribute__((ext_vector_type(2 * LANES)));
+    typedef int Whole __attribute__((ext_vector_type(2 * LANES)));
+
+    static inline Real from_whole(Word a) { return __builtin_convertvector((Whole)a, Real); }
+    static inline Word bits_of(Real a) { return (Word)a; }
+    static inline Real of_bits(Word bits) { return (Real)bits; }
+    static inline Real root(Real a) { return __builtin_elementwise_sqrt(a); }
+};
+
 // Random words of 4 x 16 pixels, from a multiple of four on.
 template <>
 struct PixelWords<PixelLanes> {
@@ -39,3 +51,15 @@ struct PixelWords<PixelLanes> {
     }
     static inline Word all(unsigned value) { return (Word)(value); }
 };
+
+template <>
+inline PixelNormals<PixelLanes> PixelNormals<PixelLanes>::of(const PixelWords<PixelLanes>& words) {
+    PixelNormals normals;
+    for (int k = 0; k < PixelWords<PixelLanes>::WORDS; k += 2) {
+        PixelPairs::Word pair;
+        __builtin_memcpy(&pair, words.block + k, sizeof pair);
+        const PixelPairs::Real both = Random<PixelPairs>::normal(pair);
+        __builtin_memcpy(normals.block + k, &both, sizeof both);
+    }
+    return normals;
+}

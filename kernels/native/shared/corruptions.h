@@ -15,19 +15,20 @@ struct Corruption {
     const SensorRow<Numbers>& row;
     const Model& model;
 
-    // Random words of the pixels that share counters; those of disabled corruptions are not drawn.
-    struct Words {
-        PixelWords<Numbers> lost, multiplied, added;
+    // Random numbers of the pixels that share counters; those of disabled corruptions are not drawn.
+    struct Drawn {
+        PixelWords<Numbers> lost;
+        PixelNormals<Numbers> multiplied, added;
     };
 
     // Corrupt the pixels from x on that share random words. Drawing them is most of the work of a single pixel.
     inline void measure(int x) const {
-        Words words;
-        if (Numbers::PIXELS == 1 && !Numbers::any(Range::finite(before_of(x)))) return corrupt_pixels(words, 0, x);
-        if (model.dropout > 0.0f) words.lost = row.draw(STREAM_LOST, x);
-        if (model.multiplied > 0.0f) words.multiplied = row.draw(STREAM_MULTIPLIED, x);
-        if (model.added > 0.0f) words.added = row.draw(STREAM_ADDED, x);
-        for (int k = 0; row.has_word(x, k); ++k) corrupt_pixels(words, k, x + k * Numbers::PIXELS);
+        Drawn drawn;
+        if (Numbers::PIXELS == 1 && !Numbers::any(Range::finite(before_of(x)))) return corrupt_pixels(drawn, 0, x);
+        if (model.dropout > 0.0f) drawn.lost = row.draw(STREAM_LOST, x);
+        if (model.multiplied > 0.0f) drawn.multiplied = row.draw_normals(STREAM_MULTIPLIED, x);
+        if (model.added > 0.0f) drawn.added = row.draw_normals(STREAM_ADDED, x);
+        for (int k = 0; row.has_word(x, k); ++k) corrupt_pixels(drawn, k, x + k * Numbers::PIXELS);
     }
     // Reported depth before corruptions, and its reason.
     inline Real before_of(int x) const {
@@ -38,23 +39,22 @@ struct Corruption {
         if (row.depth) return Range::finite(row.exact(x)) ? Range::reason(before) : empty;
         return row.reasons_out ? Numbers::load(row.reasons_out + row.place(x), row.count(x)) : empty;
     }
-    inline void corrupt_pixels(const Words& words, int k, int x) const {
+    inline void corrupt_pixels(const Drawn& drawn, int k, int x) const {
         const Real before = before_of(x);
         const Whole reason = reason_of(x, before), has_surface = Range::finite(before);
         if (!Numbers::any(has_surface)) return row.write(x, before, reason);
         Real depth = before;
-        if (model.multiplied > 0.0f)
-            depth = depth * (1.0f + model.multiplied * Random<Numbers>::normal(words.multiplied.block[k]));
-        if (model.added > 0.0f) depth = depth + model.added * Random<Numbers>::normal(words.added.block[k]);
+        if (model.multiplied > 0.0f) depth = depth * (1.0f + model.multiplied * drawn.multiplied.block[k]);
+        if (model.added > 0.0f) depth = depth + model.added * drawn.added.block[k];
         depth = row.range.report(depth);
-        const Whole lost = is_lost(words, k, x);
+        const Whole lost = is_lost(drawn, k, x);
         const Whole cause = lost ? Numbers::whole(REASON_DROPOUT) : Range::reason(depth);
         depth = lost ? Numbers::real(Numbers::no_number()) : depth;
         row.write(x, has_surface ? depth : before, has_surface ? cause : reason);
     }
-    inline Whole is_lost(const Words& words, int k, int x) const {
+    inline Whole is_lost(const Drawn& drawn, int k, int x) const {
         Whole lost = Numbers::whole(0);
-        if (model.dropout > 0.0f) lost = Random<Numbers>::uniform(words.lost.block[k]) < model.dropout;
+        if (model.dropout > 0.0f) lost = Random<Numbers>::uniform(drawn.lost.block[k]) < model.dropout;
         const Whole column = Numbers::indices(x);
         for (int i = 0; i < model.max_count; ++i) {
             const auto& box = model.rectangles.data[row.view * model.max_count + i];  // left, top, right, bottom

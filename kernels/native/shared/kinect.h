@@ -20,9 +20,9 @@ struct Khoshelham {
         if (Numbers::PIXELS == 1 && !Numbers::any(Range::finite(row.exact(x)))) {
             return row.write(x, row.exact(x), Numbers::whole(REASON_EMPTY));
         }
-        const PixelWords<Numbers> words = row.draw(STREAM_DISPARITY, x);
+        const PixelNormals<Numbers> normals = row.draw_normals(STREAM_DISPARITY, x);
         for (int k = 0; row.has_word(x, k); ++k)
-            measure_pixels(x + k * Numbers::PIXELS, model.sigma * Random<Numbers>::normal(words.block[k]));
+            measure_pixels(x + k * Numbers::PIXELS, model.sigma * normals.block[k]);
     }
     inline void measure_pixels(int x, Real noise) const {
         const Real depth = row.exact(x), scaled = model.step * depth;
@@ -42,6 +42,7 @@ struct Nguyen {
     typedef typename Numbers::Double Double;
     typedef typename Numbers::Whole Whole;
     typedef SensorRange<Numbers> Range;
+    typedef PixelNormals<Numbers> Normals;
     const SensorRow<Numbers>& row;
     const Model& model;
     const Rotation& rotation;  // of the camera
@@ -126,15 +127,15 @@ struct Nguyen {
 
     // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
-        const PixelWords<Numbers> across = row.draw(STREAM_ACROSS, x), down = row.draw(STREAM_DOWN, x);
-        PixelWords<Numbers> ahead;
-        if (Numbers::PIXELS > 1) ahead = row.draw(STREAM_DEPTH, x);
+        const Normals across = row.draw_normals(STREAM_ACROSS, x), down = row.draw_normals(STREAM_DOWN, x);
+        Normals ahead;
+        if (Numbers::PIXELS > 1) ahead = row.draw_normals(STREAM_DEPTH, x);
         for (int k = 0; row.has_word(x, k); ++k) {
-            const Real offsets[2] = {Random<Numbers>::normal(across.block[k]), Random<Numbers>::normal(down.block[k])};
+            const Real offsets[2] = {across.block[k], down.block[k]};
             measure_pixels(x + k * Numbers::PIXELS, offsets, ahead, k);
         }
     }
-    inline void measure_pixels(int x, const Real* offsets, PixelWords<Numbers>& ahead, int k) const {
+    inline void measure_pixels(int x, const Real* offsets, Normals& ahead, int k) const {
         Real normal[3];
         row.normal(x, normal);
         const Real max_angle = Numbers::real(model.max_angle);
@@ -147,10 +148,9 @@ struct Nguyen {
         const Whole has_surface = Range::finite(shown.depth);
         if (!Numbers::any(has_surface)) return row.write(x, shown.depth, Numbers::whole(REASON_EMPTY));
         // A single pixel draws the noise of depth only if it has a depth: drawing is most of its work.
-        if (Numbers::PIXELS == 1) ahead = row.draw(STREAM_DEPTH, x);
+        if (Numbers::PIXELS == 1) ahead = row.draw_normals(STREAM_DEPTH, x);
         const Real angle = angle_of(shown.normal), depth = met_depth(shown, Numbers::indices(x));
-        const Real noise = Random<Numbers>::normal(ahead.block[k]);
-        const Real reported = row.range.report(depth + axial(depth, angle) * noise);
+        const Real reported = row.range.report(depth + axial(depth, angle) * ahead.block[k]);
         const Whole grazing = angle > max_angle;
         const Real measured = grazing ? Numbers::real(Numbers::no_number()) : reported;
         const Whole reason = grazing ? Numbers::whole(REASON_GRAZING) : Range::reason(reported);

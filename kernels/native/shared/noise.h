@@ -35,6 +35,7 @@ struct SensorRow {
     typedef typename Numbers::Whole Whole;
     typedef SensorRange<Numbers> Range;
     typedef PixelWords<Numbers> Words;
+    typedef PixelNormals<Numbers> Normals;
 
     int view, height, width, y;
     long long first;  // place of the view's first pixel in images
@@ -71,6 +72,7 @@ struct SensorRow {
     // Whether pixels remain for word k of the random words that pixels from x on share.
     inline bool has_word(int x, int k) const { return k < Words::WORDS && x + k * Numbers::PIXELS < width; }
     inline Words draw(unsigned stream, int x) const { return Words::draw(key, stream, y, x); }
+    inline Normals draw_normals(unsigned stream, int x) const { return Normals::of(draw(stream, x)); }
 
     // Slopes of the rays of columns and rows, in the camera frame.
     inline Double across(Whole column) const { return (Numbers::to_double(column) + 0.5 - center[0]) / focal[0]; }

@@ -115,6 +115,18 @@ struct PixelWords {
     }
 };
 
+// Standard normal numbers of the same pixels.
+template <class Numbers>
+struct PixelNormals {
+    typename Numbers::Real block[PixelWords<Numbers>::WORDS];
+
+    static inline PixelNormals of(const PixelWords<Numbers>& words) {
+        PixelNormals normals;
+        for (int k = 0; k < PixelWords<Numbers>::WORDS; ++k) normals.block[k] = Random<Numbers>::normal(words.block[k]);
+        return normals;
+    }
+};
+
 // Call a function with the first column of every PixelWords::PIXELS pixels of a thread, which processes pixel x on CUDA
 // and a row on a CPU.
 template <class Numbers, class Function>
@@ -131,8 +143,8 @@ inline void draw_normals(const RandomKey& key, unsigned stream, const Image& ima
     const int width = image.shape[2];
     float* row = image.data + ((long long)view * image.shape[1] + y) * width;
     for_pixels<Numbers>(width, x, [&](int column) {
-        const PixelWords<Numbers> words = PixelWords<Numbers>::draw(key, stream, y, column);
+        const auto normals = PixelNormals<Numbers>::of(PixelWords<Numbers>::draw(key, stream, y, column));
         for (int k = 0; k < PixelWords<Numbers>::WORDS && column < width; ++k, column += Numbers::PIXELS)
-            Numbers::store(row + column, Random<Numbers>::normal(words.block[k]), width - column);
+            Numbers::store(row + column, normals.block[k], width - column);
     });
 }

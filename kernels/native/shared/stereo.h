@@ -196,15 +196,16 @@ struct Stereo {
 
     // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
-        Words noise, chance;
+        PixelNormals<Numbers> noise;
+        Words chance;
         const bool white = model.sigma > 0.0f && !model.noise.nodes.data;
         bool has_chance = false;
-        if (white) noise = row.draw(STREAM_DISPARITY, x);
+        if (white) noise = row.draw_normals(STREAM_DISPARITY, x);
         const int first = x;
         for (int k = 0; row.has_word(first, k); ++k, x += Numbers::PIXELS) {
             if (empty(x)) continue;
             Pixel pixel = load_pixel(x);
-            if (white) pixel.noise = Random<Numbers>::normal(noise.block[k]);
+            if (white) pixel.noise = noise.block[k];
             if (by_chance(x, pixel)) {
                 const bool clumps = model.holes.nodes.data;
                 if (!clumps && !has_chance) chance = row.draw(STREAM_DROPOUT, first);

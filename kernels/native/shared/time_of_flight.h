@@ -112,15 +112,15 @@ struct Flight {
 
     // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
-        PixelWords<Numbers> words;
-        if (model.noise_scale > 0.0f) words = row.draw(STREAM_RANGE, x);
-        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, words, k);
+        PixelNormals<Numbers> normals;
+        if (model.noise_scale > 0.0f) normals = row.draw_normals(STREAM_RANGE, x);
+        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, normals.block[k]);
     }
-    inline void measure_pixels(int x, const PixelWords<Numbers>& words, int k) const {
+    inline void measure_pixels(int x, Real normal) const {
         Light light = Light::of(row, axes, x);
         if (model.slots.data) light.mix(row, model, x);
         Real deviation = Numbers::real(0.0f);
-        if (model.noise_scale > 0.0f) deviation = noise_of(light, Random<Numbers>::normal(words.block[k]));
+        if (model.noise_scale > 0.0f) deviation = noise_of(light, normal);
         write(light, deviation, x);
     }
     inline Real noise_of(const Light& light, Real normal) const {
