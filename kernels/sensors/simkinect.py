@@ -11,7 +11,7 @@ from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
-wp.set_module_options(pixel_options("shared/simkinect.h"))
+wp.set_module_options(pixel_options("shared/simkinect.h", cpu=("cpu/dot_rows.h",)))
 
 
 @wp.struct
@@ -58,7 +58,7 @@ def shift_to_levels(
     shift_pixels(model, true_depth, normals_across, normals_down, view, y, x, levels_out)
 
 
-@wp.func_native("warpvis::detect_dots(dots, levels, view, y, x, detected_out);")
+@wp.func_native("warpvis::detect_dots<warpvis::PixelNumbers>(dots, levels, view, y, x, detected_out);")
 def detect_pixels(
     dots: wp.array2d[wp.uint8], levels: wp.array3d[int], view: int, y: int, x: int, detected_out: wp.array3d[int]
 ): ...

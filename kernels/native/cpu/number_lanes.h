@@ -50,6 +50,23 @@ struct PixelLanes {
     }
     static inline Ints gather(const int* from, Ints index) { return (Ints)gather((const float*)from, index); }
 
+    // The numbers at indices and after them. Loads of pairs are faster than twice the processor's gather instruction.
+    static inline void gather_pairs(const float* from, Ints index, Floats* pair) {
+        typedef float Wide __attribute__((ext_vector_type(2 * LANES)));
+        int at[LANES];
+        Lanes::store(at, index);
+        __asm__("" : "+m"(at));  // keeps indices from being extracted from registers one by one
+        const auto load = [&](int k) {
+            double two;
+            __builtin_memcpy(&two, from + at[k], sizeof two);
+            return two;
+        };
+        const Wide pairs = (Wide)Doubles{load(0), load(1), load(2),  load(3),  load(4),  load(5),  load(6),  load(7),
+                                         load(8), load(9), load(10), load(11), load(12), load(13), load(14), load(15)};
+        pair[0] = __builtin_shufflevector(pairs, pairs, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        pair[1] = __builtin_shufflevector(pairs, pairs, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+    }
+
     // The numbers of other pixels.
     static inline Floats permuted(Floats a, Ints pixel) { return gather((const float*)&a, pixel); }
     static inline Ints permuted(Ints a, Ints pixel) { return gather((const int*)&a, pixel); }

@@ -55,6 +55,11 @@ struct OnePixel {
     static inline float to_real(int a) { return (float)a; }
     static inline float gather(const float* from, int index) { return from[index]; }
     static inline int gather(const int* from, int index) { return from[index]; }
+    // The numbers at an index and after it.
+    static inline void gather_pairs(const float* from, int index, float* pair) {
+        pair[0] = from[index];
+        pair[1] = from[index + 1];
+    }
 
     static inline double select(int which, double a, double b) { return which ? a : b; }
     static inline bool all_between(double a, double first, double end) { return a >= first && a < end; }

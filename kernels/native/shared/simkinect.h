@@ -29,8 +29,19 @@ struct ShiftedLevels {
     inline Real depth_or_zero(Whole row, Whole column) const {
         const Whole is_inside = (row < height) & (column < width);
         const Real found = Numbers::gather(depth, is_inside ? row * width + column : Numbers::whole(0));
-        const Whole is_known = is_inside & (Numbers::abs(found) < Numbers::endless());
-        return is_known ? found : Numbers::real(0.0f);
+        return is_inside ? finite_or_zero(found) : Numbers::real(0.0f);
+    }
+    static inline Real finite_or_zero(Real depth) {
+        return Numbers::abs(depth) < Numbers::endless() ? depth : Numbers::real(0.0f);
+    }
+    // Depth of pixels and of those on their right.
+    inline void load_pair(Whole row, Whole column, bool are_inside, Real* pair) const {
+        if (are_inside) {
+            Numbers::gather_pairs(depth, row * width + column, pair);
+            for (int k = 0; k < 2; ++k) pair[k] = finite_or_zero(pair[k]);
+        } else {
+            for (int k = 0; k < 2; ++k) pair[k] = depth_or_zero(row, column + k);
+        }
     }
     static inline Real clamped(Real position, int size) {
         return Numbers::min(Numbers::max(position, Numbers::real(0.0f)), Numbers::real((float)size));
@@ -39,10 +50,12 @@ struct ShiftedLevels {
         const Real across = clamped(column + shift_across, width), down = clamped(row + shift_down, height);
         const Whole left = Numbers::truncate(across), top = Numbers::truncate(down);
         const Real right = across - Numbers::to_real(left), below = down - Numbers::to_real(top);
-        Real upper = (1.0f - right) * depth_or_zero(top, left);
-        upper = upper + right * depth_or_zero(top, left + 1);
-        Real lower = (1.0f - right) * depth_or_zero(top + 1, left);
-        lower = lower + right * depth_or_zero(top + 1, left + 1);
+        const bool are_inside = Numbers::all((left < width - 1) & (top < height - 1));
+        Real above[2], under[2];
+        load_pair(top, left, are_inside, above);
+        load_pair(top + 1, left, are_inside, under);
+        const Real upper = (1.0f - right) * above[0] + right * above[1];
+        const Real lower = (1.0f - right) * under[0] + right * under[1];
         const Real between = (1.0f - below) * upper + below * lower;
         const Real level = Numbers::round(DISPARITY_LEVELS * (scale / (between + 1.0e-10f)));
         const Whole is_level = level < MAX_LEVEL;
@@ -114,27 +127,71 @@ struct DotWindow {
     }
 };
 
-// Write the levels of detected dots for the pixels of a thread, 0 elsewhere.
-template <class Dots, class Levels>
+// A row of the images of dots.
+struct DotImages {
+    int width, dots_width;
+    bool has_windows;  // whether the windows of the row are inside the image and the pattern
+    int end;  // first column from DOT_REACH on whose window is not
+    const int* levels;
+    const unsigned char* dots;
+    int* detected;  // levels of detected dots, 0 elsewhere
+};
+
+// Writes the detected dots for the pixels of a thread: for a row in cpu/dot_rows.h.
+template <class Numbers>
+struct DotRow {
+    const DotImages& images;
+
+    inline void detect(int x) const {
+        for_pixels<OnePixel>(images.width, x, [&](int column) {
+            int level = 0;
+            if (images.has_windows && column >= DOT_REACH && column < images.end && images.dots[column]) {
+                const int* place = images.levels + column;
+                const DotWindow<Numbers> window = {images.width, images.dots_width, place, images.dots + column,
+                                                   images.end + DOT_REACH + 1 - column};
+                if (window.is_detected()) level = *place;
+            }
+            images.detected[column] = level;
+        });
+    }
+};
+
+template <class Numbers, class Dots, class Levels>
 inline void detect_dots(const Dots& dots, const Levels& levels, int view, int y, int x, const Levels& detected) {
     const int height = levels.shape[1], width = levels.shape[2], dots_width = dots.shape[1];
     const int rows = height < dots.shape[0] ? height : dots.shape[0], columns = width < dots_width ? width : dots_width;
     const long long first = ((long long)view * height + y) * width;
     const bool has_windows = y >= DOT_REACH && y < rows - DOT_REACH - 1;
     const unsigned char* row = dots.data + (has_windows ? (long long)y * dots_width : 0);
-    for_pixels<OnePixel>(width, x, [&](int column) {
-        int level = 0;
-        if (has_windows && column >= DOT_REACH && column < columns - DOT_REACH - 1 && row[column]) {
-            const int* place = levels.data + first + column;
-            const DotWindow<PixelNumbers> window = {width, dots_width, place, row + column, columns - column};
-            if (window.is_detected()) level = *place;
-        }
-        detected.data[first + column] = level;
-    });
+    const DotImages images = {width, dots_width,           has_windows, columns - DOT_REACH - 1, levels.data + first,
+                              row,   detected.data + first};
+    DotRow<Numbers>{images}.detect(x);
 }
 
-// Depth of the nearest detected dots, as quantized disparity with noise. `nearest` contains column and row offsets by
-// increasing distance.
+// Levels of the detected dots that are nearest to pixels, 0 if none is near: for a row in cpu/dot_rows.h. `nearest`
+// contains column and row offsets by increasing distance, of at most DOT_REACH.
+template <class Numbers, class Offsets>
+struct NearestDots {
+    typedef typename Numbers::Whole Whole;
+    int width, height;
+    const int* detected;  // of a view
+    const Offsets& nearest;
+
+    // Find them for the pixels of a thread from x on.
+    inline void find(int x, int y, Whole* levels) const {
+        for (int k = 0; k < PixelWords<Numbers>::WORDS && x + k < width; ++k) levels[k] = level_at(x + k, y);
+    }
+    inline int level_at(int x, int y) const {
+        for (int i = 0; i < nearest.shape[0]; ++i) {
+            const int column = x + nearest.data[i][0], row = y + nearest.data[i][1];
+            if (column < 0 || column >= width || row < 0 || row >= height) continue;
+            if (const int level = detected[(long long)row * width + column]) return level;
+        }
+        return 0;
+    }
+};
+
+// Depth of the nearest detected dots, as quantized disparity with noise.
 template <class Numbers, class Model, class Levels, class Offsets, class Normals>
 struct DotFill {
     typedef typename Numbers::Real Real;
@@ -146,31 +203,13 @@ struct DotFill {
     const Normals& normals;
 
     inline void measure(int x) const {
-        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS);
+        const NearestDots<Numbers, Offsets> dots = {row.width, row.height, detected.data + row.first, nearest};
+        Whole levels[PixelWords<Numbers>::WORDS];
+        dots.find(x, row.y, levels);
+        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, levels[k]);
     }
-    // Levels of pixels of a row of the image from a column on, 0 beyond its ends.
-    inline Whole levels(int column, int y) const {
-        const int* found = detected.data + row.first + (long long)y * row.width;
-        if (column >= 0 && column + Numbers::PIXELS <= row.width) return Numbers::load(found + column, Numbers::PIXELS);
-        int padded[Numbers::PIXELS];
-        for (int k = 0; k < Numbers::PIXELS; ++k)
-            padded[k] = column + k >= 0 && column + k < row.width ? found[column + k] : 0;
-        return Numbers::load(padded, Numbers::PIXELS);
-    }
-    inline Whole nearest_level(int x) const {
-        Whole level = Numbers::whole(0);
-        for (int i = 0; i < nearest.shape[0]; ++i) {
-            const auto& offset = nearest.data[i];
-            const int y = row.y + offset[1];
-            if (y < 0 || y >= row.height) continue;
-            const Whole other = levels(x + offset[0], y);
-            level = level > 0 ? level : other;
-            if (Numbers::all(level > 0)) break;
-        }
-        return level;
-    }
-    inline void measure_pixels(int x) const {
-        const Whole level = nearest_level(x), has_level = level > 0;
+    inline void measure_pixels(int x, Whole level) const {
+        const Whole has_level = level > 0;
         const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
         const Real normal = Numbers::load(normals.data + row.place(x), row.count(x));
         const Real units =

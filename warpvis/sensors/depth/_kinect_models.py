@@ -8,6 +8,7 @@ import math
 import os
 import warnings
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -305,9 +306,11 @@ class SimKinect(ByValue, DepthSensor):
         model = SimKinectModel()
         model.disparity_scale = (lens.fx if self.focal_length is None else self.focal_length) * self.baseline
         model.shift, model.units, model.sigma = self.shift, self.units, self.sigma
-        pattern = make_pattern(lens.height, lens.width) if self.pattern is None else self.pattern
-        dots = wp.array(pattern, dtype=wp.uint8, device=device)
-        nearest = wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
+        if self.pattern is None:
+            dots = _pattern_on(lens.height, lens.width, str(device))
+        else:
+            dots = wp.array(self.pattern, dtype=wp.uint8, device=device)
+        nearest = _nearest_on(str(device))
         levels, detected = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
 
         across = draw_normal_image(exposure, STREAM_ACROSS, "across")
@@ -317,6 +320,17 @@ class SimKinect(ByValue, DepthSensor):
         noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
         inputs, images = kernel_inputs(exposure), kernel_images(exposure)
         exposure.launch(fill_from_dots, model, inputs, detected, nearest, noise, images, rows=True)
+
+
+@lru_cache(maxsize=64)
+def _pattern_on(height: int, width: int, device: str) -> wp.array:
+    return wp.array(make_pattern(height, width), dtype=wp.uint8, device=device)
+
+
+@lru_cache(maxsize=64)
+def _nearest_on(device: str) -> wp.array:
+    """Return offsets to the pixels from which a pixel gets its dot, (column, row), by increasing distance."""
+    return wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
 
 
 def make_pattern(height: int, width: int) -> NDArray[np.uint8]:
