@@ -36,35 +36,21 @@ struct PixelLanes {
     static inline Double to_double(Ints a) { return __builtin_convertvector(a, Double); }
     static inline Ints truncate(Floats a) { return __builtin_convertvector(a, Ints); }
     static inline Floats to_real(Ints a) { return __builtin_convertvector(a, Floats); }
-    // The numbers at indices, which no compiler gathers by the processor's instruction on its own.
+    // The numbers at indices. Loads of single numbers, or of pairs, take at most as long as the instruction of AVX2.
     static inline Floats gather(const float* from, Ints index) {
-#ifdef __AVX2__
-        const Octet low = octet(from, __builtin_shufflevector(index, index, 0, 1, 2, 3, 4, 5, 6, 7));
-        const Octet high = octet(from, __builtin_shufflevector(index, index, 8, 9, 10, 11, 12, 13, 14, 15));
-        return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-#else
-        Floats found;
-        for (int k = 0; k < LANES; ++k) found[k] = from[index[k]];
-        return found;
-#endif
+        return InMemory(index).collect<Floats>([&](int place) { return from[place]; });
     }
     static inline Ints gather(const int* from, Ints index) { return (Ints)gather((const float*)from, index); }
 
-    // The numbers at indices and after them. Loads of pairs are faster than twice the processor's gather instruction.
+    // The numbers at indices and after them, or the three numbers of triples.
     static inline void gather_pairs(const float* from, Ints index, Floats* pair) {
-        typedef float Wide __attribute__((ext_vector_type(2 * LANES)));
-        int at[LANES];
-        Lanes::store(at, index);
-        __asm__("" : "+m"(at));  // keeps indices from being extracted from registers one by one
-        const auto load = [&](int k) {
-            double two;
-            __builtin_memcpy(&two, from + at[k], sizeof two);
-            return two;
-        };
-        const Wide pairs = (Wide)Doubles{load(0), load(1), load(2),  load(3),  load(4),  load(5),  load(6),  load(7),
-                                         load(8), load(9), load(10), load(11), load(12), load(13), load(14), load(15)};
-        pair[0] = __builtin_shufflevector(pairs, pairs, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-        pair[1] = __builtin_shufflevector(pairs, pairs, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+        const InMemory at(index);
+        pair_of(at.collect<Doubles>([&](int place) { return two(from + place); }), pair);
+    }
+    static inline void gather_triples(const float* from, Ints index, Floats* triple) {
+        const InMemory at(index);
+        pair_of(at.collect<Doubles>([&](int place) { return two(from + 3LL * place); }), triple);
+        triple[2] = at.collect<Floats>([&](int place) { return from[3LL * place + 2]; });
     }
 
     // The numbers of other pixels.
@@ -172,17 +158,32 @@ struct PixelLanes {
     static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
     static inline Ints indices(int first) { return Lanes::index() + first; }
 
-#ifdef __AVX2__
   private:
-    typedef float Octet __attribute__((ext_vector_type(8)));
-    typedef int OctetIndex __attribute__((ext_vector_type(8)));
+    // Indices in memory, since extracting them from registers one by one takes longer.
+    struct InMemory {
+        int place[LANES];
 
-    static inline Octet octet(const float* from, OctetIndex index) {
-        typedef float Numbers __attribute__((__vector_size__(32)));
-        typedef int Whole __attribute__((__vector_size__(32)));
-        const OctetIndex all = (OctetIndex)(-1);
-        return (Octet)__builtin_ia32_gatherd_ps256((Numbers)(Octet)(0.0f), from, (Whole)index, (Numbers)all,
-                                                   sizeof(float));
+        explicit inline InMemory(Ints index) {
+            Lanes::store(place, index);
+            __asm__("" : "+m"(place));
+        }
+        template <class Values, class Load>
+        inline Values collect(const Load& load) const {
+            const int* at = place;
+            return Values{load(at[0]),  load(at[1]),  load(at[2]),  load(at[3]), load(at[4]),  load(at[5]),
+                          load(at[6]),  load(at[7]),  load(at[8]),  load(at[9]), load(at[10]), load(at[11]),
+                          load(at[12]), load(at[13]), load(at[14]), load(at[15])};
+        }
+    };
+    static inline double two(const float* from) {
+        double pair;
+        __builtin_memcpy(&pair, from, sizeof pair);
+        return pair;
     }
-#endif
+    static inline void pair_of(Doubles twos, Floats* pair) {
+        typedef float Wide __attribute__((ext_vector_type(2 * LANES)));
+        const Wide pairs = (Wide)twos;
+        pair[0] = __builtin_shufflevector(pairs, pairs, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        pair[1] = __builtin_shufflevector(pairs, pairs, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+    }
 };

@@ -81,16 +81,9 @@ struct Nguyen {
         rotated[2] = n[2] * c + q[2] * d - (q[0] * n[1] - q[1] * n[0]) * w * 2.0;
     }
     inline void load(Shown& shown) const {
-        int place[Numbers::PIXELS];
-        Numbers::store(place, shown.row * row.width + shown.column, Numbers::PIXELS);
-        float depths[Numbers::PIXELS], normals[3][Numbers::PIXELS];
-        for (int k = 0; k < Numbers::PIXELS; ++k) {
-            const long long pixel = row.first + place[k];
-            depths[k] = row.depth[pixel];
-            for (int c = 0; c < 3; ++c) normals[c][k] = row.normals[3 * pixel + c];
-        }
-        shown.depth = Numbers::load(depths, Numbers::PIXELS);
-        for (int c = 0; c < 3; ++c) shown.normal[c] = Numbers::load(normals[c], Numbers::PIXELS);
+        const Whole place = shown.row * row.width + shown.column;
+        shown.depth = Numbers::gather(row.depth + row.first, place);
+        Numbers::gather_triples(row.normals + 3 * row.first, place, shown.normal);
     }
     // Depth at which the rays of a row's pixels meet the planes of these surfaces; the surface's own depth if they do
     // not meet, or if a pixel shows its own surface.

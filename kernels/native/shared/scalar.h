@@ -55,10 +55,13 @@ struct OnePixel {
     static inline float to_real(int a) { return (float)a; }
     static inline float gather(const float* from, int index) { return from[index]; }
     static inline int gather(const int* from, int index) { return from[index]; }
-    // The numbers at an index and after it.
+    // The numbers at an index and after it, or the three numbers of a triple.
     static inline void gather_pairs(const float* from, int index, float* pair) {
         pair[0] = from[index];
         pair[1] = from[index + 1];
+    }
+    static inline void gather_triples(const float* from, int index, float* triple) {
+        for (int k = 0; k < 3; ++k) triple[k] = from[3LL * index + k];
     }
 
     static inline double select(int which, double a, double b) { return which ? a : b; }

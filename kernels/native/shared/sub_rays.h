@@ -101,10 +101,8 @@ struct FlightMix {
         const Whole has_surface = found < Numbers::endless();
         if (!Numbers::any(has_surface)) return;
         Real normal[3], reflectivity = Numbers::real(1.0f);
-        for (int axis = 0; axis < 3; ++axis) {
-            const Real loaded = Numbers::gather(map.normals + axis, 3 * place);
-            normal[axis] = has_surface ? loaded : nothing;
-        }
+        Numbers::gather_triples(map.normals, place, normal);
+        for (int axis = 0; axis < 3; ++axis) normal[axis] = has_surface ? normal[axis] : nothing;
         if (map.segmentation) {
             const Whole object = Numbers::gather(map.segmentation, place), has_object = object >= 0;
             if (Numbers::any(has_object)) {
