@@ -86,7 +86,8 @@ def _ranges(
         found = found + sigma * draws.normal(STREAM_RANGE)
         if model.resolution:
             steps = found / model.resolution
-            margins.append(np.abs(steps - np.floor(steps) - 0.5))
+            # Errors in single precision are about 1e-6 m: a margin of 1e-4 leaves out ties within 2e-6 m.
+            margins.append(50 * model.resolution * np.abs(steps - np.floor(steps) - 0.5))
             found = np.round(steps) * model.resolution
     return found
 
