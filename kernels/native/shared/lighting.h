@@ -131,20 +131,24 @@ struct ColorRow {
     ObjectFrame frame;
 
     // Write the colors of the pixels from x on: those of each visible surface by a function of pixels that show one
-    // material of one object, and the background elsewhere.
+    // material of one object, and the background elsewhere. If `is_placed` is false, surfaces of one color are not
+    // located.
     template <class Function>
-    inline void write(int x, const Function& color_of) {
+    inline void write(int x, const Function& color_of, bool is_placed = true) {
         const long long place = images.first + x;
         const int count = images.width - x;
         const Whole object = Numbers::load(images.segmentation + place, count);
-        const Whole faces = Numbers::load(images.faces + place, count);
-        const Vector points = SurfaceImages::triple<Numbers>(images.points, place, count);
+        const bool has_places = is_placed || materials.textures.shape[0] > 0 || materials.colors.shape[0] > 0;
+        const bool has_faces = has_places || materials.face_material.shape[0] > 0;
+        const Whole faces = has_faces ? Numbers::load(images.faces + place, count) : Numbers::whole(-1);
+        const Vector points =
+            has_places ? SurfaceImages::triple<Numbers>(images.points, place, count) : Vector::all(0.0f);
         Vector color = background();
         Whole remaining = (object >= 0) & (Numbers::indices(0) < count);
         while (Numbers::any(remaining)) {
             const int pixel = Numbers::first(remaining);
             Whole which = remaining & (object == Numbers::whole(Numbers::get(object, pixel)));
-            const Shown shown = surface(which, faces, points, Numbers::get(object, pixel), pixel);
+            const Shown shown = surface(which, faces, points, Numbers::get(object, pixel), pixel, is_placed);
             color = Vector::select(which, color_of(shown, which, points, place, count), color);
             remaining = remaining & (which == 0);
         }
@@ -164,9 +168,9 @@ struct ColorRow {
 
     // The surface that a pixel shows, and those of `which` that show the same material of the same object, which become
     // `which`.
-    inline Shown surface(Whole& which, Whole faces, const Vector& points, int object, int pixel) {
+    inline Shown surface(Whole& which, Whole faces, const Vector& points, int object, int pixel,
+                         bool is_placed = true) {
         const int entry = entry_of(object);
-        if (frame.entry != entry) frame = ObjectFrame::of(materials, worlds, images.view, entry);
         const int* rows = materials.object_rows.data + (long long)Shown::OBJECT_ROWS * entry;
         const int face = Numbers::get(faces, pixel);
         int material = materials.object_material.data[entry];
@@ -184,7 +188,10 @@ struct ColorRow {
         for (int k = 0; k < 3; ++k) shown.base[k] = color ? converted(color[k], false, own.is_linear) : own.color[k];
         const float* emission = world_numbers(materials.world_emission, worlds, images.view, object);
         for (int k = 0; k < 3; ++k) shown.emission[k] = emission ? emission[k] : own.emission[k];
-        shown.locate(points);
+        if (is_placed || own.texture >= 0 || rows[Shown::COLORS] >= 0) {
+            if (frame.entry != entry) frame = ObjectFrame::of(materials, worlds, images.view, entry);
+            shown.locate(points);
+        }
         return shown;
     }
     // The color where no surface is visible, in the world of the view.
@@ -205,11 +212,12 @@ struct ColorRow {
     }
 
     inline void base_colors(int x) {
-        write(x, [&](const Shown& shown, Whole, const Vector&, long long, int) {
+        const auto base_color = [&](const Shown& shown, Whole, const Vector&, long long, int) {
             Vector color = shown.color();
             if (shown.is_textured()) color = color.times(shown.texel());
             return in_space(color, materials.materials.data[shown.material].is_linear, false);
-        });
+        };
+        write(x, base_color, false);
     }
 
     // `shadows` are images of the lights that may be blocked, 255 where nothing blocks them; or an array without data.
