@@ -45,6 +45,20 @@ struct RemapPart {
         return RemapPart{tree % job.trees_across() * job.across() * RemapJob::GROUP_SIDE,
                          tree / job.trees_across() * job.down() * RemapJob::GROUP_SIDE};
     }
+    // Load rows of the map into the cache, one after the other: blocks would be loaded in an order that processors do
+    // not predict.
+    inline void load(const RemapJob& job, long long view) const {
+        const int end = first_row + job.down() * RemapJob::GROUP_SIDE, width = job.across() * RemapJob::GROUP_SIDE;
+        const int left = job.columns - first_column, columns = left < width ? left : width;
+        for (int row = first_row; row < end && row < job.rows; ++row) {
+            const long long first = (view * job.rows + row) * job.columns + first_column;
+            touch(job.pixels + 2 * first, 2 * columns);
+            if (job.limits) touch(job.limits + first, columns);
+        }
+    }
+    static inline void touch(const float* numbers, int count) {
+        for (int k = 0; k < count; k += LANES) __asm__ volatile("" : : "r"(*(const volatile float*)(numbers + k)));
+    }
 };
 
 // A tile of the map.

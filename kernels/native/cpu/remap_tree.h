@@ -104,6 +104,7 @@ struct RemapTree {
     // Set the places of a part of a map; returns their bounding rectangle, inverted if there are none.
     inline RayBox set(const RemapJob& job, const RemapPart& part, long long view, const Image& image) const {
         const int groups = job.across() * job.down();
+        part.load(job, view);
         for (int k = 0; k < RayTree::BOUND_ROWS * LANES; ++k) group_bounds[k] = nowhere(k / LANES);
         for (int group = 0; group < groups; ++group) {
             float* bounds = tile_bounds + group * (RayTree::BOUND_ROWS * LANES);
@@ -178,9 +179,11 @@ struct RemapTree {
         for (int child = 0; child < LANES; ++child) {
             const int packet = tile * LANES + child;
             if (outside[packet]) {
-                const Ints in_image = ((Lanes::all_ints(outside[packet]) >> Lanes::index()) & 1) == 0;
-                const Floats inv_z = Lanes::load(image.inv_z + packet * LANES);
-                Lanes::store(image.inv_z + packet * LANES, in_image ? inv_z : Lanes::all(0.0f));
+                // A selection would become a masked store, which takes AMD's processors much longer.
+                if (outside[packet] == (1 << LANES) - 1)
+                    Lanes::store(image.inv_z + packet * LANES, Lanes::all(0.0f));
+                else
+                    for (const int k : Lanes::each((unsigned)outside[packet])) image.inv_z[packet * LANES + k] = 0.0f;
             }
             if (bounds[child] > bounds[2 * LANES + child]) bounds[child] = bounds[2 * LANES + child] = 0.0f;
         }
