@@ -142,6 +142,11 @@ struct Writer {
     Mode mode;
     NormalCache* normal_cache = nullptr;  // of this view, initially empty
 
+    inline void cache_normals(NormalCache& cache) {
+        if (mode != MODE_TRIANGLES || !out.normals) return;
+        cache.clear();
+        normal_cache = &cache;
+    }
     // Normals at rays through image points.
     inline Points normals(Ints ids, Ints seen, Doubles u, Doubles v) {
         if (!lookup.moving) return triangle_normals(ids, Lanes::bits(seen));

@@ -173,10 +173,7 @@ struct Strips {
         Writer writer = {lookup, view.camera, Rays::of(view.camera), image, view.job, out, index, mode};
         if (view.job.points) return Sparse::write(writer);
         NormalCache normal_cache;
-        if (mode == MODE_TRIANGLES) {
-            normal_cache.clear();
-            writer.normal_cache = &normal_cache;
-        }
+        writer.cache_normals(normal_cache);
         writer.strip();
     }
 };

@@ -55,7 +55,9 @@ struct Maps {
         if (has_places && view.world.exists) Packets<TABLE_RAYS>::render(view, image, memory.table.traversal, mode);
         const bool moving = scene.movables.count > 0 && mode == MODE_TRIANGLES;
         const Lookup lookup = Lookup::of(scene, memory.table.traversal.frames, view.pose.position, moving);
-        const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
+        NormalCache normal_cache;
+        Writer writer = {lookup, view.camera, Rays::of(view.camera), image, job, out, index, mode};
+        writer.cache_normals(normal_cache);
         Job table = remap;
         table.width = remap.columns, table.height = remap.rows;
         write(TableWriter<TABLE_RAYS>{writer, table, tree, (long long)index * remap.rows * remap.columns}, remap, part,

@@ -47,7 +47,9 @@ struct Bundles {
         // Two instantiations, as for pixels: one for scenes without movable objects.
         const auto write = [&](bool moving) __attribute__((always_inline)) {
             const Lookup lookup = Lookup::of(scene, memory.traversal.frames, view.pose.position, moving);
-            const Writer writer = {lookup, view.camera, Rays::of(view.camera), image, part.job, out, index, mode};
+            NormalCache normal_cache;
+            Writer writer = {lookup, view.camera, Rays::of(view.camera), image, part.job, out, index, mode};
+            writer.cache_normals(normal_cache);
             TableWriter<KIND>{writer, table, part.tree, first}.tiles(groups);
         };
         if (scene.movables.count > 0 && mode == MODE_TRIANGLES)
