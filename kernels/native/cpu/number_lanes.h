@@ -88,6 +88,14 @@ struct PixelLanes {
         return value;
     }
     static inline Ints load(const int* from, int count) { return (Ints)load((const float*)from, count); }
+    static inline Doubles load(const double* from, int count) {
+        Doubles value = (Doubles)(0.0);
+        if (count >= LANES)
+            __builtin_memcpy(&value, from, sizeof value);
+        else
+            __builtin_memcpy(&value, from, count * sizeof(double));
+        return value;
+    }
     // Repeat each number `times` times.
     static inline bool repeats(int times) { return times == 2 || times == 4 || times == 8; }
     static inline Floats repeated(Floats a, int times) {

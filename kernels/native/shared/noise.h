@@ -42,6 +42,7 @@ struct SensorRow {
     RandomKey key;
     Range range;
     double focal[2], center[2];
+    const double* column_slopes;  // [x]; null if they are computed
     const float* depth;  // of the first surface
     const float* normals;  // xyz in the world
     const int* segmentation;
@@ -60,6 +61,7 @@ struct SensorRow {
         row.range = Range{inputs.camera.near, inputs.camera.far};
         row.focal[0] = inputs.camera.fx, row.focal[1] = inputs.camera.fy;
         row.center[0] = inputs.camera.cx, row.center[1] = inputs.camera.cy;
+        row.column_slopes = inputs.column_slopes.data;
         row.depth = inputs.true_depth.data;
         row.normals = (const float*)inputs.normals.data;
         row.segmentation = inputs.segmentation.data;
@@ -77,6 +79,11 @@ struct SensorRow {
     // Slopes of the rays of columns and rows, in the camera frame.
     inline Double across(Whole column) const { return (Numbers::to_double(column) + 0.5 - center[0]) / focal[0]; }
     inline Double down(Whole row) const { return (Numbers::to_double(row) + 0.5 - center[1]) / focal[1]; }
+    // Those of the pixels from x on, whose divisions take longer than a load.
+    inline Double across_from(int x) const {
+        if (Numbers::PIXELS > 1 && column_slopes) return Numbers::load(column_slopes + x, width - x);
+        return across(Numbers::indices(x));
+    }
 
     inline Real exact(int x) const { return Numbers::load(depth + place(x), width - x); }
     // Depth of pixels of any row, from a column on that may be outside of the image; `outside` for pixels that are.

@@ -84,6 +84,7 @@ struct OnePixel {
     // Load the numbers of pixels from an address on; `count` pixels of the row remain.
     static inline float load(const float* from, int) { return *from; }
     static inline int load(const int* from, int) { return *from; }
+    static inline double load(const double* from, int) { return *from; }
     static inline int load(const unsigned char* from, int) { return *from; }
     // Repeat each number `times` times: does not apply to a single pixel.
     static inline bool repeats(int) { return false; }

@@ -69,7 +69,7 @@ struct FlightLight {
     template <class Axes>
     static inline FlightLight of(const Row& row, const Axes& axes, int x) {
         const Real depth = row.exact(x), none = Numbers::real(0.0f);
-        const Double across = row.across(Numbers::indices(x)), down = row.down(Numbers::whole(row.y));
+        const Double across = row.across_from(x), down = row.down(Numbers::whole(row.y));
         Real normal[3];
         row.normal(x, normal);
         const auto found = FlightReturn<Numbers>::of(axes, across, down, depth, normal, row.reflectivities(x));
@@ -193,7 +193,7 @@ struct FlightEdges {
         for (int k = 0; k < 3; ++k)
             rotated[k] = axes.data[0][k] * normal[0] + axes.data[1][k] * normal[1] + axes.data[2][k] * normal[2];
         const Real depth = row.exact(x);
-        const Real ahead = rotated[0] * Numbers::narrow(row.across(Numbers::indices(x))) +
+        const Real ahead = rotated[0] * Numbers::narrow(row.across_from(x)) +
                            rotated[1] * Numbers::narrow(row.down(Numbers::whole(row.y))) + rotated[2] * 1.0f;
         const Real plane = depth * ahead;
         const Real across = rotated[0] / (float)row.focal[0], down = rotated[1] / (float)row.focal[1];

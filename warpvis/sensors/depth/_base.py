@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -117,7 +118,9 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     camera = exposure.camera
     inputs: Any = SensorInputs()
     inputs.seed = exposure.seed
+    on_cpu = isinstance(camera, Camera) and exposure.scene.device.is_cpu
     fields = {
+        "column_slopes": _column_slopes(camera.width, camera.fx, camera.cx) if on_cpu else None,
         "camera": camera.device_struct() if isinstance(camera, Camera) else exposure.image_range,
         "true_depth": exposure.true_depth,
         "draws": exposure.draws,
@@ -126,6 +129,12 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     }
     write_fields(inputs, **{name: value for name, value in fields.items() if value is not None})
     return inputs
+
+
+@lru_cache(maxsize=64)
+def _column_slopes(width: int, fx: float, cx: float) -> wp.array:
+    """Return x of the rays of columns for z = 1, on the CPU."""
+    return wp.array((np.arange(width) + 0.5 - cx) / fx, dtype=wp.float64, device="cpu")
 
 
 def kernel_images(exposure: Exposure) -> MeasuredImages:
