@@ -82,6 +82,38 @@ struct Lanes {
     static inline SetBits each(Ints mask) { return SetBits{bits(mask)}; }
 };
 
+// Loads from a place of each lane, one by one or in pairs: they take at most as long as the gather instruction of AVX2.
+struct LanePlaces {
+    int place[LANES];
+
+    // In memory, since extracting places from registers one by one takes longer.
+    explicit inline LanePlaces(Ints places) {
+        Lanes::store(place, places);
+        __asm__("" : "+m"(place));
+    }
+    inline Floats numbers(const float* from) const {
+        return collect<Floats>([&](int at) { return from[at]; });
+    }
+    // The first two numbers of items of `size` numbers.
+    inline void pairs(const float* from, long long size, Floats* pair) const {
+        typedef float Wide __attribute__((ext_vector_type(2 * LANES)));
+        const Wide all = (Wide)collect<Doubles>([&](int at) {
+            double two;
+            __builtin_memcpy(&two, from + size * at, sizeof two);
+            return two;
+        });
+        pair[0] = __builtin_shufflevector(all, all, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        pair[1] = __builtin_shufflevector(all, all, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+    }
+    template <class Values, class Load>
+    inline Values collect(const Load& load) const {
+        const int* at = place;
+        return Values{load(at[0]),  load(at[1]),  load(at[2]),  load(at[3]), load(at[4]),  load(at[5]),
+                      load(at[6]),  load(at[7]),  load(at[8]),  load(at[9]), load(at[10]), load(at[11]),
+                      load(at[12]), load(at[13]), load(at[14]), load(at[15])};
+    }
+};
+
 // Three coordinates of sixteen points.
 struct Points {
     Floats x, y, z;

@@ -36,21 +36,16 @@ struct PixelLanes {
     static inline Double to_double(Ints a) { return __builtin_convertvector(a, Double); }
     static inline Ints truncate(Floats a) { return __builtin_convertvector(a, Ints); }
     static inline Floats to_real(Ints a) { return __builtin_convertvector(a, Floats); }
-    // The numbers at indices. Loads of single numbers, or of pairs, take at most as long as the instruction of AVX2.
-    static inline Floats gather(const float* from, Ints index) {
-        return InMemory(index).collect<Floats>([&](int place) { return from[place]; });
-    }
+    static inline Floats gather(const float* from, Ints index) { return LanePlaces(index).numbers(from); }
     static inline Ints gather(const int* from, Ints index) { return (Ints)gather((const float*)from, index); }
-
     // The numbers at indices and after them, or the three numbers of triples.
     static inline void gather_pairs(const float* from, Ints index, Floats* pair) {
-        const InMemory at(index);
-        pair_of(at.collect<Doubles>([&](int place) { return two(from + place); }), pair);
+        LanePlaces(index).pairs(from, 1, pair);
     }
     static inline void gather_triples(const float* from, Ints index, Floats* triple) {
-        const InMemory at(index);
-        pair_of(at.collect<Doubles>([&](int place) { return two(from + 3LL * place); }), triple);
-        triple[2] = at.collect<Floats>([&](int place) { return from[3LL * place + 2]; });
+        const LanePlaces places(index);
+        places.pairs(from, 3, triple);
+        triple[2] = places.collect<Floats>([&](int place) { return from[3LL * place + 2]; });
     }
 
     // The numbers of other pixels.
@@ -165,33 +160,4 @@ struct PixelLanes {
     }
     static inline Floats columns(int first) { return Lanes::index_floats() + (float)first; }
     static inline Ints indices(int first) { return Lanes::index() + first; }
-
-  private:
-    // Indices in memory, since extracting them from registers one by one takes longer.
-    struct InMemory {
-        int place[LANES];
-
-        explicit inline InMemory(Ints index) {
-            Lanes::store(place, index);
-            __asm__("" : "+m"(place));
-        }
-        template <class Values, class Load>
-        inline Values collect(const Load& load) const {
-            const int* at = place;
-            return Values{load(at[0]),  load(at[1]),  load(at[2]),  load(at[3]), load(at[4]),  load(at[5]),
-                          load(at[6]),  load(at[7]),  load(at[8]),  load(at[9]), load(at[10]), load(at[11]),
-                          load(at[12]), load(at[13]), load(at[14]), load(at[15])};
-        }
-    };
-    static inline double two(const float* from) {
-        double pair;
-        __builtin_memcpy(&pair, from, sizeof pair);
-        return pair;
-    }
-    static inline void pair_of(Doubles twos, Floats* pair) {
-        typedef float Wide __attribute__((ext_vector_type(2 * LANES)));
-        const Wide pairs = (Wide)twos;
-        pair[0] = __builtin_shufflevector(pairs, pairs, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-        pair[1] = __builtin_shufflevector(pairs, pairs, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-    }
 };

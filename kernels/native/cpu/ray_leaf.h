@@ -1,11 +1,66 @@
 // SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 // SPDX-License-Identifier: Apache-2.0
 //
-// Bounds of a leaf's triangles, for tests against the rays of a tile or of its packets.
+// Rays in lanes, and bounds of a leaf's triangles, for tests against the rays of a tile or of its packets.
 
 #pragma once
 
 #include "cpu/solids.h"
+
+// Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
+template <RayKind KIND>
+struct RayLanes {
+    Floats u, v;
+    Floats p = {}, q = {}, w = {};  // only for ORIGIN_RAYS
+
+    static inline RayLanes packet(const RayTree& tree, int packet) {
+        const auto load = [packet](const float* rays) { return Lanes::load(rays + packet * LANES); };
+        RayLanes rays = {.u = load(tree.u), .v = load(tree.v)};
+        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.p), load(tree.origins.q));
+        return rays;
+    }
+    static inline RayLanes ray(const RayTree& tree, int ray) {
+        RayLanes rays = {.u = Lanes::all(tree.u[ray]), .v = Lanes::all(tree.v[ray])};
+        if constexpr (KIND == ORIGIN_RAYS)
+            rays.set_origins(Lanes::all(tree.origins.p[ray]), Lanes::all(tree.origins.q[ray]));
+        return rays;
+    }
+    static inline RayLanes window(const RayTree& tree, int corner, int width) {
+        const auto load = [=](const float* rows) { return Grid::window(rows + corner, width); };
+        RayLanes rays = {.u = load(tree.row_u), .v = load(tree.row_v)};
+        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.row_p), load(tree.origins.row_q));
+        return rays;
+    }
+    inline void set_origins(Floats at_p, Floats at_q) { p = at_p, q = at_q, w = u * q - v * p; }
+
+    // Minimum of a triangle's three edge functions: of triangle k for all rays, or of each lane's triangle.
+    inline Floats inner(const Triangles& t, int k) const {
+        Floats edge[3];
+        for (int e = 0; e < 3; ++e) {
+            const Linear linear = Linear::of_lane(t.edge[e], k);
+            edge[e] = linear.at(u, linear.row(v));
+            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x[k], t.side[e].y[k], t.side[e].z[k]);
+        }
+        return Lanes::min(edge[0], edge[1], edge[2]);
+    }
+    inline Floats inner(const Triangles& t) const {
+        Floats edge[3];
+        for (int e = 0; e < 3; ++e) {
+            edge[e] = t.edge[e].at(u, t.edge[e].row(v));
+            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x, t.side[e].y, t.side[e].z);
+        }
+        return Lanes::min(edge[0], edge[1], edge[2]);
+    }
+    template <class Number>
+    inline Floats of_moment(Number x, Number y, Number z) const {
+        return y * p + (z * w - x * q);
+    }
+    inline Floats inv_z(const Linear& plane) const {
+        const Floats inv_z = plane.at(u, plane.row(v));
+        if constexpr (KIND == ORIGIN_RAYS) return inv_z / (1.0f - (plane.u * p + plane.v * q));
+        return inv_z;
+    }
+};
 
 // A leaf's triangles and their bounds: for ORIGIN_RAYS, relative to the rays of a tile.
 template <RayKind KIND>
@@ -175,6 +230,25 @@ struct TouchedPackets {
     }
 };
 
+// Rays of a tile that a leaf's tiny triangles hit, in lanes: up to two columns and rows of each triangle.
+struct TinyHits {
+    enum { SIDE = 2, RAYS = SIDE * SIDE };
+    int column[LANES], row[LANES];  // the first ones
+    unsigned hits[RAYS], certain[RAYS];  // lanes, of each of the rays
+    float inv_z[RAYS][LANES];
+
+    // Lanes that hit a ray, and bits of the rays of a lane.
+    inline unsigned any() const { return hits[0] | hits[1] | hits[2] | hits[3]; }
+    inline unsigned rays_of(int k) const {
+        return (hits[0] >> k & 1) | (hits[1] >> k & 1) << 1 | (hits[2] >> k & 1) << 2 | (hits[3] >> k & 1) << 3;
+    }
+    // First columns or rows, such that all are inside the tile.
+    static inline Ints begin(Ints first, int last) {
+        const Ints last_start = Lanes::all_ints(last - (SIDE - 1));
+        return first < last_start ? first : last_start;
+    }
+};
+
 // Columns and rows of a tile that a leaf's triangles may touch.
 struct RayColumns {
     // Triangles of at most this many columns and rows touch only the rays of one window of a tile.
@@ -183,7 +257,9 @@ struct RayColumns {
     int first_ray;  // of the tile
     const RayFit& fit;
     Ints first_column, last_column, first_row, last_row;
-    unsigned small, larger;  // lanes of triangles that may touch few rays, and of those that may touch more
+    // Lanes of triangles that may touch few rays, and of those that may touch more; of the former, lanes of those that
+    // touch at most two columns and two rows.
+    unsigned small, larger, tiny;
 
     template <RayKind KIND>
     inline RayColumns(const Image& image, const RayLeaf<KIND>& leaf, int tile)
@@ -203,6 +279,8 @@ struct RayColumns {
         const Ints side = Lanes::all_ints(SMALL_SIDE);
         const Ints few = candidates & (last_column - first_column < side) & (last_row - first_row < side);
         small = Lanes::bits(few);
+        const Ints two = Lanes::all_ints(TinyHits::SIDE);
+        tiny = Lanes::bits(few & (last_column - first_column < two) & (last_row - first_row < two));
         larger = Lanes::bits(candidates & ~few);
     }
     static inline Ints range(Floats middle, Floats half, int max_index, Ints& first, Ints& last) {

@@ -17,66 +17,13 @@
 #include "cpu/ray_leaf.h"
 #include "cpu/scene.h"
 
-// Rays in lanes: of a packet, one ray in all lanes, or a window of a tile.
-template <RayKind KIND>
-struct RayLanes {
-    Floats u, v;
-    Floats p = {}, q = {}, w = {};  // only for ORIGIN_RAYS
-
-    static inline RayLanes packet(const RayTree& tree, int packet) {
-        const auto load = [packet](const float* rays) { return Lanes::load(rays + packet * LANES); };
-        RayLanes rays = {.u = load(tree.u), .v = load(tree.v)};
-        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.p), load(tree.origins.q));
-        return rays;
-    }
-    static inline RayLanes ray(const RayTree& tree, int ray) {
-        RayLanes rays = {.u = Lanes::all(tree.u[ray]), .v = Lanes::all(tree.v[ray])};
-        if constexpr (KIND == ORIGIN_RAYS)
-            rays.set_origins(Lanes::all(tree.origins.p[ray]), Lanes::all(tree.origins.q[ray]));
-        return rays;
-    }
-    static inline RayLanes window(const RayTree& tree, int corner, int width) {
-        const auto load = [=](const float* rows) { return Grid::window(rows + corner, width); };
-        RayLanes rays = {.u = load(tree.row_u), .v = load(tree.row_v)};
-        if constexpr (KIND == ORIGIN_RAYS) rays.set_origins(load(tree.origins.row_p), load(tree.origins.row_q));
-        return rays;
-    }
-    inline void set_origins(Floats at_p, Floats at_q) { p = at_p, q = at_q, w = u * q - v * p; }
-
-    // Minimum of a triangle's three edge functions: of triangle k for all rays, or of each lane's triangle.
-    inline Floats inner(const Triangles& t, int k) const {
-        Floats edge[3];
-        for (int e = 0; e < 3; ++e) {
-            const Linear linear = Linear::of_lane(t.edge[e], k);
-            edge[e] = linear.at(u, linear.row(v));
-            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x[k], t.side[e].y[k], t.side[e].z[k]);
-        }
-        return Lanes::min(edge[0], edge[1], edge[2]);
-    }
-    inline Floats inner(const Triangles& t) const {
-        Floats edge[3];
-        for (int e = 0; e < 3; ++e) {
-            edge[e] = t.edge[e].at(u, t.edge[e].row(v));
-            if constexpr (KIND == ORIGIN_RAYS) edge[e] += of_moment(t.side[e].x, t.side[e].y, t.side[e].z);
-        }
-        return Lanes::min(edge[0], edge[1], edge[2]);
-    }
-    template <class Number>
-    inline Floats of_moment(Number x, Number y, Number z) const {
-        return y * p + (z * w - x * q);
-    }
-    inline Floats inv_z(const Linear& plane) const {
-        const Floats inv_z = plane.at(u, plane.row(v));
-        if constexpr (KIND == ORIGIN_RAYS) return inv_z / (1.0f - (plane.u * p + plane.v * q));
-        return inv_z;
-    }
-};
-
 // The way from a leaf's triangles to the rays that they may cover.
 template <RayKind KIND>
 struct RayRaster {
     // Up to this many rays and packets are tested before triangles are culled.
     enum { FEW_RAYS = 4, FEW_PACKETS = 3 };
+    // From this number of tiny triangles on, all are tested at once.
+    enum { FEW_TINY = 3 };
 
     static inline __attribute__((always_inline)) void rasterize(const Camera& camera, const Image& image,
                                                                 const Triangles& triangles, const Visit& visit,
@@ -187,11 +134,23 @@ struct RayRaster {
                                                                       unsigned small, Mode mode) {
         const RayTree& tree = *image.tree;
         const Triangles& t = leaf.triangles;
-        const int width = columns.fit.last_column() + 1;
+        const RayFit fit = columns.fit;  // a copy, which no store may change
+        const int width = fit.last_column() + 1;
         int column[LANES], row[LANES];
-        RayColumns::begin(columns.first_column, columns.fit.last_column(), column);
-        RayColumns::begin(columns.first_row, columns.fit.last_row(), row);
+        RayColumns::begin(columns.first_column, fit.last_column(), column);
+        RayColumns::begin(columns.first_row, fit.last_row(), row);
+        TinyHits tiny_hits;
+        const unsigned tiny = KIND == TABLE_RAYS ? small & columns.tiny : 0;
+        const bool has_tiny = __builtin_popcount(tiny) >= FEW_TINY;
+        if (has_tiny) {
+            find_tiny(tree, leaf, columns, fit, tiny_hits);
+            small &= ~tiny | tiny_hits.any();
+        }
         for (const int k : Lanes::each(small)) {
+            if (has_tiny && (tiny >> k & 1)) {
+                put_tiny(camera, image, leaf, columns, fit, tiny_hits, k, mode);
+                continue;
+            }
             const auto rays = RayLanes<KIND>::window(tree, columns.first_ray + row[k] * width + column[k], width);
             const float error_bound = t.error_bound[k], max_inv_z = t.max_inv_z[k];
             const Floats inner = rays.inner(t, k);
@@ -201,11 +160,47 @@ struct RayRaster {
             float inv_z[LANES];
             Lanes::store(inv_z, within(t, k, rays.inv_z(Linear::of_lane(t.inv_z, k))));
             for (const int lane : Lanes::each(hits)) {
-                const int ray = columns.first_ray + columns.fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
-                                                                     row[k] + lane / RayColumns::SMALL_SIDE);
+                const int ray = columns.first_ray + fit.slot(column[k] + (lane & (RayColumns::SMALL_SIDE - 1)),
+                                                             row[k] + lane / RayColumns::SMALL_SIDE);
                 if (max_inv_z < image.inv_z[ray]) continue;
                 put(camera, image, leaf, k, ray, (certain >> lane) & 1, inv_z[lane], mode);
             }
+        }
+    }
+    // Find the rays that tiny triangles hit, for all lanes at once.
+    static inline __attribute__((always_inline)) void find_tiny(const RayTree& tree, const RayLeaf<KIND>& leaf,
+                                                                const RayColumns& columns, const RayFit& fit,
+                                                                TinyHits& found) {
+        const Triangles& t = leaf.triangles;
+        const int width = fit.last_column() + 1;
+        const Ints column = TinyHits::begin(columns.first_column, fit.last_column());
+        const Ints row = TinyHits::begin(columns.first_row, fit.last_row());
+        Lanes::store(found.column, column);
+        Lanes::store(found.row, row);
+        const LanePlaces places(columns.first_ray + (row * width + column));
+        for (int y = 0; y < TinyHits::SIDE; ++y) {
+            Floats u[TinyHits::SIDE], v[TinyHits::SIDE];
+            places.pairs(tree.row_u + y * width, 1, u);
+            places.pairs(tree.row_v + y * width, 1, v);
+            for (int x = 0; x < TinyHits::SIDE; ++x) {
+                const RayLanes<KIND> rays = {.u = u[x], .v = v[x]};
+                const int ray = y * TinyHits::SIDE + x;
+                const Floats inner = rays.inner(t);
+                found.hits[ray] = Lanes::bits(inner >= -t.error_bound);
+                found.certain[ray] = Lanes::bits(inner > t.error_bound);
+                Lanes::store(found.inv_z[ray], Lanes::max(Lanes::min(rays.inv_z(t.inv_z), t.max_inv_z), t.min_inv_z));
+            }
+        }
+    }
+    static inline __attribute__((always_inline)) void put_tiny(const Camera& camera, const Image& image,
+                                                               RayLeaf<KIND>& leaf, const RayColumns& columns,
+                                                               const RayFit& fit, const TinyHits& found, int k,
+                                                               Mode mode) {
+        for (const int i : Lanes::each(found.rays_of(k))) {
+            const int ray =
+                columns.first_ray + fit.slot(found.column[k] + i % TinyHits::SIDE, found.row[k] + i / TinyHits::SIDE);
+            if (leaf.triangles.max_inv_z[k] < image.inv_z[ray]) continue;
+            put(camera, image, leaf, k, ray, (found.certain[i] >> k) & 1, found.inv_z[i][k], mode);
         }
     }
     static inline Floats within(const Triangles& t, int k, Floats inv_z) {
