@@ -40,6 +40,8 @@ def lidar_cases(folder):
                 "visibility": 50.0,
                 "false_returns": 0.1,
                 "false_range": 1.0,
+                "glare": 0.001,
+                "glare_angle": 0.01,
             },
         ),
         "LidarNoise.apply": (

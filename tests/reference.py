@@ -90,7 +90,7 @@ from reference_layers import (  # noqa: F401
     list_transparent_rows,
 )
 from reference_learned import report_learned_depth, rotate_to_cameras  # noqa: F401
-from reference_lidar_noise import measure_lidar, measure_returns  # noqa: F401
+from reference_lidar_noise import measure_lidar, measure_returns, receive_power  # noqa: F401
 from reference_lines import hide_pixels, judge_lines, judge_unknown, render_map  # noqa: F401
 from reference_margins import bound_depth_tiles, judge_margins, measure_margins, measure_point_margins  # noqa: F401
 from reference_mirrors import (  # noqa: F401

@@ -92,6 +92,50 @@ def _ranges(
     return found
 
 
+def receive_power(
+    model: LidarNoise,
+    rays: Rays,
+    poses: NDArray,
+    clean: dict[str, NDArray],
+    reflectivity: NDArray,
+    straight: float = 0.0,
+) -> NDArray[np.float64]:
+    """Return received power relative to the limit of detection, (V, H, W); with `straight` 1, at normal incidence."""
+    along = rays.rays.reshape(rays.height, rays.width, 3)
+    length = np.linalg.norm(along, axis=-1)
+    rotations = poses_to_matrices(poses)[..., :3, :3]  # of views, or of rays
+    rotations = rotations if rotations.ndim == 5 else rotations[:, None, None]
+    world = (rotations @ (along / length[..., None])[..., None])[..., 0]
+    cosine = np.maximum(np.abs((world * clean["normals"]).sum(axis=-1)), straight)
+    shares = np.asarray(reflectivity, dtype=np.float64)[clean["segmentation"]]
+    found = power(model, clean["true_depth"].astype(np.float64) * length, shares, cosine)
+    return np.where(np.isinf(clean["true_depth"]), 0.0, found)
+
+
+def _strays(
+    model: LidarNoise, rays: Rays, distance: NDArray, light: NDArray, margins: list
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return range and power of the brightest surface of the neighbors of each ray, (V, H, W)."""
+    units = rays.directions.reshape(-1, 3)
+    units = units / np.linalg.norm(units, axis=1, keepdims=True)
+    angles = np.arccos(np.clip(units @ units.T, -1, 1))
+    near = (angles <= 3 * model.glare_angle) & ~np.eye(len(units), dtype=bool)
+    share = np.where(near, model.glare * np.exp(-0.5 * (angles / model.glare_angle) ** 2), 0.0)
+    flat, far_away = light.reshape(len(light), -1), distance.reshape(len(light), -1)
+    ranges, powers, gaps = np.empty_like(flat), np.empty_like(flat), np.empty_like(flat)
+    for view in range(len(flat)):
+        received = share * flat[view]
+        best = received.argmax(axis=1)
+        ranges[view], powers[view] = far_away[view][best], received.max(axis=1)
+        # Another surface that is as bright, at another range.
+        others = np.abs(far_away[view] - ranges[view][:, None]) > 1e-4 * ranges[view][:, None]
+        gaps[view] = powers[view] - np.where(others, received, 0.0).max(axis=1)
+    ranges, powers, gaps = (part.reshape(light.shape) for part in (ranges, powers, gaps))
+    matters = (powers > 0.99) & (powers > 0.99 * light)
+    margins.append(np.where(matters, np.minimum(gaps, np.abs(powers - light)), np.inf))
+    return ranges, powers
+
+
 def _report(found: NDArray, near: NDArray, far: NDArray, margins: list) -> NDArray[np.float64]:
     margins += [np.abs(found - near), np.abs(found - far)]
     return np.where(found > far, np.inf, np.where((found < near) | ~(found > 0), -np.inf, found))
@@ -108,23 +152,25 @@ def measure_lidar(
     seed: int,
 ) -> Said:
     """Return the measurement of exact images `true_depth`, `normals` and `segmentation`, (V, H, W)."""
-    along = rays.rays.reshape(rays.height, rays.width, 3)
-    length = np.linalg.norm(along, axis=-1)
+    length = np.linalg.norm(rays.rays.reshape(rays.height, rays.width, 3), axis=-1)
     near, far = rays.near * length, rays.far * length
     distance = clean["true_depth"].astype(np.float64) * length
     numbers, margins = Draws(draws, distance.shape[1:], seed), []
-    rotations = poses_to_matrices(poses)[..., :3, :3]  # of views, or of rays
-    rotations = rotations if rotations.ndim == 5 else rotations[:, None, None]
-    world = (rotations @ (along / length[..., None])[..., None])[..., 0]
-    cosine = np.abs((world * clean["normals"]).sum(axis=-1))
-    shares = np.asarray(reflectivity, dtype=np.float64)[clean["segmentation"]]
     drops = _drops(model, numbers, near, far, margins)
-    is_drop, no_surface = drops < distance, np.isinf(distance) & ~(drops < distance)
+    is_drop = drops < distance
     margins.append(np.abs(drops - distance))
-    light = np.where(is_drop, np.inf, power(model, distance, shares, cosine))
-    straight = np.where(is_drop, np.inf, power(model, distance, shares, np.ones_like(cosine)))
+    own = receive_power(model, rays, poses, clean, reflectivity)
+    light = np.where(is_drop, np.inf, own)
+    straight = np.where(is_drop, np.inf, receive_power(model, rays, poses, clean, reflectivity, straight=1.0))
     lost = _losses(model, numbers, light, straight, margins)
-    found = _ranges(model, rays, numbers, np.where(is_drop, drops, distance), light, margins)
+    distance, no_surface = np.where(is_drop, drops, distance), np.isinf(distance) & ~is_drop
+    if model.glare:
+        ranges, powers = _strays(model, rays, clean["true_depth"].astype(np.float64) * length, own, margins)
+        shown = _losses(model, numbers, powers, powers, margins) == Reason.VALID
+        is_stray = (powers > light) & shown
+        distance, light = np.where(is_stray, ranges, distance), np.where(is_stray, powers, light)
+        lost, no_surface = np.where(is_stray, Reason.VALID, lost), no_surface & ~is_stray
+    found = _ranges(model, rays, numbers, distance, light, margins)
     depth = np.where(lost == Reason.VALID, _report(found, near, far, margins) / length, np.nan)
     reasons = np.where(np.isinf(depth), Reason.RANGE, lost)
     margin = np.min([np.where(np.isnan(part), np.inf, part) for part in margins], axis=0)

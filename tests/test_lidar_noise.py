@@ -26,6 +26,7 @@ def turned(yaw, place=(0.0, 0.0, 0.0)):
 
 POSES = np.stack([turned(0.0), turned(0.7, (-1, 0.5, 0.2)), turned(2.5, (0.5, 0.3, -0.4))])
 DARK = {"ball": 0.05, "room": 0.4}
+BRIGHT = {"ball": 300.0, "room": 0.1}
 FULL = LidarNoise(
     sigma=0.02,
     sigma_growth=0.004,
@@ -82,9 +83,12 @@ def planar(near=0.4, far=3.4):
         LidarNoise(sigma=0.03, resolution=0.01),
         LidarNoise(false_returns=0.3, dropout=0.1),
         dataclasses.replace(FULL, power_sigma=0.0, reflectivity=1.0, detection_range=3.0, ring_offsets=None),
+        dataclasses.replace(
+            FULL, power_sigma=0.0, ring_offsets=None, reflectivity=BRIGHT, glare=0.01, glare_angle=0.03
+        ),
         FULL,
     ],
-    ids=["none", "range", "random", "power", "full"],
+    ids=["none", "range", "random", "power", "glare", "full"],
 )
 @pytest.mark.parametrize("kind", ["range", "z"])
 def test_model_matches_the_reference(device, model, kind):
@@ -92,7 +96,9 @@ def test_model_matches_the_reference(device, model, kind):
     if kind == "z":
         rays, poses = planar(), np.stack([wv.look_at((0, 0, 0), at) for at in [(1, -0.2, 0), (1, 1, 0), (-1, 0, -0.5)]])
     seen = images(wv.render(scene, rays, poses, outputs=OUTPUTS, sensor=model, **NUMBERS), OUTPUTS)
-    shares = [model.reflectivity[name] for name in ("room", "ball")] if model is FULL else np.ones(2)
+    shares = np.ones(2)
+    if isinstance(model.reflectivity, dict):
+        shares = [model.reflectivity[name] for name in ("room", "ball")]
     said = reference.measure_lidar(model, rays, poses, seen, shares, DRAWS, 3)
     sure = said.margin > 1e-4
     assert sure.mean() > 0.95
@@ -111,6 +117,35 @@ def test_default_noise_changes_nothing(device):
         assert views.depth.shape == (3, *rays.shape)
         np.testing.assert_array_equal(views.depth.numpy(), clean.depth.numpy())
         np.testing.assert_allclose(views.points.numpy(), clean.points.numpy(), atol=1e-6)
+
+
+def test_glare_widens_retro_reflectors(device):
+    """Rays around the ball report its range, up to three standard deviations away, the more the brighter it is."""
+    rays, counts = lidars.even(32, (-0.5, 0.3), increment=math.radians(0.5), near=0.4, far=30.0), []
+    units = rays.directions.reshape(-1, 3)
+    for glare in (0.0, 1e-4, 1e-3):
+        model = LidarNoise(detection_range=10.0, reflectivity=BRIGHT, glare=glare, glare_angle=0.02)
+        seen = images(wv.render(room(device), rays, POSES[:1], outputs=OUTPUTS, sensor=model, frame=0), OUTPUTS)
+        seen = {name: image.reshape(-1) for name, image in seen.items()}
+        is_ball = seen["segmentation"] == 1
+        wrong = (seen["reasons"] == Reason.VALID) & (np.abs(seen["depth"] - seen["true_depth"]) > 1e-3)
+        angles = np.arccos(np.clip(units[wrong] @ units[is_ball].T, -1.0, 1.0)).min(axis=1, initial=math.inf)
+        assert (angles <= 0.06 + 1e-6).all()
+        found = seen["depth"][wrong]
+        assert ((found > seen["true_depth"][is_ball].min() - 1e-4) & (found < 1.6)).all()
+        counts.append(wrong.sum())
+    assert counts[0] == 0 < counts[1] < counts[2]
+
+
+def test_glare_of_lists_is_that_of_images():
+    rays, model = lidar(), LidarNoise(detection_range=10.0, reflectivity=BRIGHT, glare=0.01, glare_angle=0.03)
+    order = np.random.default_rng(0).permutation(rays.height * rays.width)
+    mixed = cameras.Rays(rays.directions.reshape(-1, 3)[order], near=0.4, far=3.4, axes="ros_body")
+    of_image, of_list = (
+        wv.render(room(), pattern, POSES, outputs="depth", sensor=model, frame=0).depth.numpy().reshape(3, -1)
+        for pattern in (rays, mixed)
+    )
+    np.testing.assert_allclose(of_list, of_image[:, order], rtol=1e-6)
 
 
 def test_points_of_rays_with_origins_match_their_reference(device):

@@ -24,6 +24,7 @@ from warpvis.kernels.sensors.random_numbers import random_word, to_normal, to_un
 wp.set_module_options(pixel_options("shared/noise.h", "shared/powers.h"))
 
 LN_2 = wp.constant(0.6931471805599453)
+MINUS_HALF_LOG2_E = wp.constant(-0.7213475204444817)
 
 
 @wp.struct
@@ -52,6 +53,24 @@ class Pixel:
     frame: wp.uint32
     y: int
     x: int
+
+
+@wp.struct
+class Glare:
+    """The light that rays receive from surfaces of their neighbors: a Gaussian of the angle between the rays."""
+
+    firsts: wp.array[wp.int32]
+    """(ray + 1): first of its neighbors, row by row; None without glare."""
+    neighbors: wp.array[wp.int32]
+    """(neighbor): index of its ray."""
+    angles: wp.array[float]
+    """(neighbor): angle between the rays [rad]."""
+    share: float
+    """Fraction of the power that a ray receives from a surface next to it."""
+    sigma: float
+    """Standard deviation [rad]."""
+    power: wp.array3d[float]
+    """(view, y, x): what `receive_power` writes."""
 
 
 @wp.struct
@@ -120,6 +139,12 @@ def surface_echo(model: LidarModel, distance: wp.float64, reflectivity: wp.float
 
 
 @wp.func
+def cosine_of(pose: wp.transform, ray: wp.vec3d, normal: wp.vec3) -> wp.float64:
+    """Return the cosine of incidence of a ray of the lidar's frame, times the ray's length."""
+    return wp.abs(wp.dot(wp.quat_rotate(pose_rotation(pose), ray), wp.vec3d(normal)))
+
+
+@wp.func
 def loss_of(model: LidarModel, pixel: Pixel, echo: Echo) -> int:
     """Return why an echo is not detected; VALID if it is."""
     if model.dropout > 0.0:
@@ -159,6 +184,46 @@ def measured_range(model: LidarModel, pixel: Pixel, echo: Echo, ring_error: floa
 
 
 @wp.kernel
+def receive_power(
+    # Cameras:
+    rays_to_world: wp.array[wp.transform],
+    window: Window,
+    # In:
+    rays_in: wp.array2d[wp.vec3d],
+    incidence_in: wp.array3d[float],
+    model: LidarModel,
+    inputs: SensorInputs,
+    span: int,
+    # Out:
+    power_out: wp.array3d[float],
+):
+    """Write the power of every ray's surface relative to the limit of detection; 0 without one.
+
+    See `measure_lidar`.
+    """
+    view, y, part = wp.tid()
+    view, y = locate(window, view, y)
+
+    for x in range(part * span, wp.min((part + 1) * span, inputs.true_depth.shape[2])):
+        depth = inputs.true_depth[view, y, x]
+        power = float(0.0)
+        if wp.isfinite(depth):
+            ray = rays_in[y, x]
+            length = wp.length(ray)
+            reflectivity = wp.float64(1.0)
+            if inputs.segmentation:
+                reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
+            cosine = wp.float64(0.0)
+            if incidence_in:
+                cosine = wp.float64(incidence_in[view, y, x]) / length
+            else:
+                cosine = cosine_of(rays_to_world[view], ray, inputs.normals[view, y, x]) / length
+            echo = surface_echo(model, wp.float64(depth) * length, reflectivity, cosine)
+            power = echo.power
+        power_out[view, y, x] = power
+
+
+@wp.kernel
 def measure_lidar(
     # Cameras:
     rays_to_world: wp.array[wp.transform],
@@ -169,6 +234,7 @@ def measure_lidar(
     ring_offsets_in: wp.array[float],
     incidence_in: wp.array3d[float],
     model: LidarModel,
+    glare: Glare,
     inputs: SensorInputs,
     span: int,
     # Out:
@@ -178,14 +244,15 @@ def measure_lidar(
 
     `rays_in` have depth 1, and only the depth range of `inputs.camera` is read. `rings_in` is None if rings have no
     errors, and `ring_offsets_in` [m] if these are unknown. `incidence_in`, for a motion, are cosines of incidence times
-    the length of rays; None if they follow from `rays_to_world`. Each thread takes `span` rays of a row.
+    the length of rays; None if they follow from `rays_to_world`. `glare` has neighbors of rays, or arrays of None. Each
+    thread takes `span` rays of a row.
     """
     view, y, part = wp.tid()
     view, y = locate(window, view, y)
 
     for x in range(part * span, wp.min((part + 1) * span, inputs.true_depth.shape[2])):
         depth = inputs.true_depth[view, y, x]
-        if not wp.isfinite(depth) and model.false_returns == 0.0:
+        if not wp.isfinite(depth) and model.false_returns == 0.0 and not glare.firsts:
             write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
             continue
         ray = rays_in[y, x]
@@ -197,8 +264,8 @@ def measure_lidar(
         if drop < echo.range and seen == float(drop / length):
             echo.range = drop
         elif not wp.isfinite(depth):
-            write_pixel(images_out, view, y, x, depth, REASON_EMPTY)
-            continue
+            echo.power = 0.0
+            echo.straight = 0.0
         elif model.min_power > wp.float64(0.0):
             reflectivity = wp.float64(1.0)
             if inputs.segmentation:
@@ -207,13 +274,29 @@ def measure_lidar(
             if incidence_in:
                 cosine = wp.float64(incidence_in[view, y, x]) / length
             else:
-                along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
-                cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x]))) / length
+                cosine = cosine_of(rays_to_world[view], ray, inputs.normals[view, y, x]) / length
             echo = surface_echo(model, echo.range, reflectivity, cosine)
 
         reason = loss_of(model, pixel, echo)
+        if glare.firsts:
+            number = y * rays_in.shape[1] + x
+            stray = Echo()
+            for k in range(glare.firsts[number], glare.firsts[number + 1]):
+                other = glare.neighbors[k]
+                j, i = other // rays_in.shape[1], other % rays_in.shape[1]
+                deviation = glare.angles[k] / glare.sigma
+                power = glare.share * power_of_two(MINUS_HALF_LOG2_E * deviation * deviation) * glare.power[view, j, i]
+                if power > stray.power:
+                    stray.power = power
+                    stray.range = wp.float64(inputs.true_depth[view, j, i]) * wp.length(rays_in[j, i])
+            if stray.power > echo.power and loss_of(model, pixel, stray) == REASON_VALID:
+                echo = stray
+                reason = REASON_VALID
         measured = float(wp.nan)
-        if reason == REASON_VALID:
+        if echo.power == 0.0 and not wp.isfinite(depth):
+            measured = depth
+            reason = REASON_EMPTY
+        elif reason == REASON_VALID:
             ring_error = float(0.0)
             if rings_in:
                 ring_error = ring_noise(model.ring_sigma, inputs.seed, rings_in[y, x])

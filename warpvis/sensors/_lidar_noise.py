@@ -24,18 +24,21 @@ from warpvis.errors import ArrayError, CameraError
 from warpvis.rendering import DepthSensor, Exposure, check_word, next_frame, rays_on_device, view_numbers
 from warpvis.scene import Scene
 from warpvis.sensors._echoes import Reflectivity, Returns, reflectivities, require_rays
+from warpvis.sensors._glare import prepare_glare
 from warpvis.sensors.depth._base import check_positive, kernel_images
 
 if TYPE_CHECKING:
-    from warpvis.kernels.sensors.lidar_noise import LidarModel
+    from warpvis.kernels.sensors.lidar_noise import Glare, LidarModel
     from warpvis.kernels.sensors.noise import SensorInputs
 
 _DECIBELS = 10.0 / math.log(10.0)
 _LOG2_E = math.log2(math.e)
-_LIMITED = "weak_sigma", "power_sigma", "rain"
+_LIMITED = "weak_sigma", "power_sigma", "rain", "glare"
+_MAX_GLARE_ANGLE = 0.2  # beyond it, all rays are neighbors of all others; angles in degrees are greater
 _ERRORS = "sigma", "sigma_growth", "weak_sigma", "resolution", "ring_sigma", "power_sigma"
 _UNITS = dict.fromkeys(("sigma", "weak_sigma", "resolution", "ring_sigma"), " of m") | {"rain": " of mm/h"}
 _PROBABILITIES = "dropout", "false_returns"
+_FRACTIONS = *_PROBABILITIES, "glare"
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,9 @@ class LidarNoise(DepthSensor):
     A ray has no range if one of these conditions is true; the first gives its `Reason`: it hits nothing (EMPTY); it is
     lost with probability `dropout` (DROPOUT); its power is too low because of the angle of incidence (GRAZING), or
     because the surface is dark or far (DROPOUT); the measured range is outside of `near` and `far` of the rays (RANGE).
+
+    Glare follows Gump et al., "Ghosts in the Point Clouds: De-glaring LiDAR in the Transient Domain" (CVPR 2026), as a
+    spread function of light that is the same everywhere in the image, but the brightest surface counts alone.
 
     Directions are exact: an angular error of the device is not modeled. By default, a lidar has no errors.
     """
@@ -91,18 +97,27 @@ class LidarNoise(DepthSensor):
     depth (VALID), also where there is no surface."""
     false_range: float = 3.0
     """Mean range of returns from drops [m]."""
+    glare: float = 0.0
+    """Blooming around retro-reflectors: the fraction of a surface's power that rays next to it receive, from 0 to 1. It
+    falls off with the angle between the rays, as a Gaussian. A ray reports the range of the brightest surface whose
+    light it receives, also where it hits nothing. Requires `detection_range`, and SciPy."""
+    glare_angle: float = 0.01
+    """Standard deviation of that angle [rad]; light from beyond three times as far is ignored."""
 
     takes_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in (*_ERRORS, "rain"):
             _check_size(getattr(self, name), name, _UNITS.get(name, ""))
-        for name in _PROBABILITIES:
+        for name in _FRACTIONS:
             check_number(getattr(self, name), name, minimum=0.0, maximum=1.0)
         for name in ("detection_range", "visibility"):
             _check_distance(getattr(self, name), name)
         check_positive(self.detection_reflectivity, "detection_reflectivity")
         check_positive(self.false_range, "false_range", "m")
+        check_positive(self.glare_angle, "glare_angle", "rad")
+        if self.glare_angle > _MAX_GLARE_ANGLE:
+            raise ArrayError(f"glare_angle must be in radians, at most {_MAX_GLARE_ANGLE}, got {self.glare_angle}")
         if self.ring_offsets is not None:
             offsets = as_items(self.ring_offsets, "ring_offsets")
             checked = tuple(check_number(offset, f"ring_offsets[{ring}]") for ring, offset in enumerate(offsets))
@@ -133,8 +148,8 @@ class LidarNoise(DepthSensor):
 
     @property
     def bytes_per_pixel(self) -> int:
-        """Scratch memory per pixel [B]: cosines of incidence of a moving lidar."""
-        return 4 if self.needs else 0
+        """Scratch memory per pixel [B]: cosines of incidence of a moving lidar, and power."""
+        return (4 if self.needs else 0) + (4 if self.glare else 0)
 
     def check(self, scene: Scene, camera: object) -> Camera:
         """Return the rays if they can be used with the sensor and the scene.
@@ -177,9 +192,24 @@ class LidarNoise(DepthSensor):
         if exposure.segmentation is not None:
             values = reflectivities(exposure.scene, self.reflectivity)
             inputs.reflectivity = wp.array(values, dtype=wp.float32, device=device)
-        given = [rays_on_device(rays, device), *self._rings(rays, device), exposure.incidence, model, inputs]
-        span = _span(rays, device)
-        exposure.launch(measure_lidar, *given, span, kernel_images(exposure), cameras=[exposure.poses], rows=True)
+        along, span = rays_on_device(rays, device), _span(rays, device)
+        glare = self._glare(exposure, rays, along, model, inputs, span)
+        given = [along, *self._rings(rays, device), exposure.incidence, model, glare, inputs, span]
+        exposure.launch(measure_lidar, *given, kernel_images(exposure), cameras=[exposure.poses], rows=True)
+
+    def _glare(
+        self, exposure: Exposure, rays: Rays, along: wp.array, model: LidarModel, inputs: SensorInputs, span: int
+    ) -> Glare:
+        """Return the neighbors of rays and the power that they receive."""
+        from warpvis.kernels.sensors.lidar_noise import Glare, receive_power
+
+        if not self.glare:
+            return Glare()
+        glare = prepare_glare(rays, self.glare, self.glare_angle, exposure.scene.device)
+        glare.power = exposure.scratch("power", exposure.true_depth.shape, wp.float32)
+        given = [along, exposure.incidence, model, inputs, span, glare.power]
+        exposure.launch(receive_power, *given, cameras=[exposure.poses], rows=True)
+        return glare
 
     def apply(
         self,
@@ -214,6 +244,8 @@ class LidarNoise(DepthSensor):
 
         require_rays(rays)
         self._check_rings(rays)
+        if self.glare:
+            raise ArrayError(f"glare must be 0 for returns of beams, got {self.glare}")
         falls_off, seed = check_flag(falls_off, "falls_off"), check_word(seed, "seed")
         given = _check_returns(returns, "returns")
         shape, device = given.range.shape, given.range.device
