@@ -34,7 +34,7 @@ from warpvis.kernels.pinhole import PinholeCamera
 from warpvis.kernels.shading import shadow_packets_cuda
 from warpvis.rendering import Renderer
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
-from warpvis.rendering.casters.points_cuda import list_points, packet_count
+from warpvis.rendering.casters.points_cuda import lists_of, packet_count
 from warpvis.rendering.casters.rays import RayBundleCaster, RaysCaster
 from warpvis.rendering.casters.sorted_rays_cuda import prepare_all
 from warpvis.scene.acceleration.geometry import build_scene_bvh
@@ -278,7 +278,8 @@ class EmulatedPointCaster(RaysCaster):
         self._variant = variant
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
-        lists = list_points(views.pixels, self._camera)
+        lists = lists_of(views, self._camera)
+        lists.step = 2
         arguments = {
             "scene": _trees(self._scene, images),
             "camera": self._camera.device_struct(clip_near=self._options.clip_near),
@@ -289,7 +290,8 @@ class EmulatedPointCaster(RaysCaster):
             "cull_backfaces": self._options.cull_backfaces,
             "images": images_struct(images),
         }
-        size = (views.count, packet_count(lists, self._variant.points), 1)
+        packets = packet_count(lists, self._variant.points) if views.used is None else lists.step
+        size = (views.count, packets, 1)
         self._emulator.launch(self._variant, size, arguments)
 
 

@@ -137,7 +137,7 @@ from reference_occupancy import (  # noqa: F401
 )
 from reference_orthographic import cast_parallel_rays, show_later_from_plane  # noqa: F401
 from reference_pbr import shade_pbr_colors, shade_pbr_rows  # noqa: F401
-from reference_point_order import count_points, measure_blocks, sort_points  # noqa: F401
+from reference_point_order import clear_unused, count_points, measure_blocks, sort_points  # noqa: F401
 from reference_points import (  # noqa: F401
     camera_frames,
     judge_points,
@@ -184,9 +184,10 @@ from reference_stereo import (  # noqa: F401
 )
 from reference_tendons import tendon_arcs, tendon_capsules  # noqa: F401
 from reference_time_of_flight import (  # noqa: F401
+    count_edges,
     find_axes,
     find_edges,
-    flag_edges,
+    list_sub_rays,
     measure_time_of_flight,
     mix_sub_rays,
     number_edges,

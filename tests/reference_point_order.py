@@ -60,3 +60,8 @@ def measure_blocks(at: NDArray, columns: int, size: tuple[int, int], step: int, 
                 if len(corners):
                     total[view] += min(np.ptp(corners, axis=0).sum() - most, 8 * most)
     return total
+
+
+def clear_unused(used: NDArray, points: NDArray) -> NDArray:
+    """Return points (V, N, 2) with NaN for those that are not used."""
+    return np.where((np.arange(points.shape[1]) < used[:, None])[..., None], points, np.nan)

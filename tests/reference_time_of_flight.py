@@ -66,19 +66,28 @@ def find_edges(
     return edges, margin
 
 
-def flag_edges(edges: NDArray) -> NDArray[np.int32]:
-    """Return 1 for edge pixels (non-negative index), else 0."""
-    return (edges >= 0).astype(np.int32)
+def number_edges(edges: NDArray, numbers: NDArray) -> list[NDArray[np.int32]]:
+    """Return the edge pixels of each view by their numbers, which must be 0, 1, ... in any order."""
+    pixels = []
+    for view_edges, view_numbers in zip(edges, numbers, strict=True):
+        is_edge = view_edges >= 0
+        order = np.argsort(view_numbers[is_edge])
+        np.testing.assert_array_equal(view_numbers[is_edge][order], np.arange(is_edge.sum()))
+        np.testing.assert_array_equal(view_numbers[~is_edge], -1)
+        pixels.append(view_edges[is_edge][order])
+    return pixels
 
 
-def number_edges(edges: NDArray, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return consecutive numbers of edge pixels, -1 elsewhere, and the pixel of each number, per view."""
-    flags = flag_edges(edges)
-    numbers = np.where(flags, flags.cumsum(axis=1) - 1, -1).astype(np.int32)
-    pixels = np.full((len(edges), count), -1, dtype=np.int32)
-    for view, places in enumerate(edges):
-        pixels[view, : flags[view].sum()] = places[places >= 0]
-    return numbers, pixels
+def count_edges(edges: NDArray, side: int) -> NDArray[np.int32]:
+    """Return the number of edge pixels of each view in each tile, (V, rows, columns)."""
+    height, width = edges.shape[1:]
+    padded = np.pad(edges >= 0, ((0, 0), (0, -height % side), (0, -width % side)))
+    return padded.reshape(len(edges), -(-height // side), side, -(-width // side), side).sum(axis=(2, 4))
+
+
+def list_sub_rays(pixels: list[NDArray], first: int, width: int, capacity: int) -> list[NDArray[np.float64]]:
+    """Return the sub-rays of pixels of each view from `first` on, (N, 2)."""
+    return [place_sub_rays(numbers[first : first + capacity], width).reshape(-1, 2) for numbers in pixels]
 
 
 def place_sub_rays(pixels: NDArray, width: int) -> NDArray[np.float64]:

@@ -11,8 +11,10 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 from reference_point_order import OUTSIDE_CELLS, cells_of, count_points, hilbert_curve, measure_blocks, sort_points
 
 import warpvis as wv
+from warpvis.kernels.casting.point_order import clear_unused
 from warpvis.rendering.casters import CastOptions, ViewBatch, points_cuda
 from warpvis.rendering.casters.points_cuda import guess_columns, list_points, packet_count, packet_size, takes_packets
+from warpvis.scene.worlds import parse_worlds
 
 import reference
 from compare import wrong_depth
@@ -131,6 +133,35 @@ def test_points_of_the_other_stereo_eye(emulator):
     views = renderer_of(emulator, scene, camera=camera).render_at(poses, pixels)
     assert_points_match(views, scene, camera, poses, pixels)
     assert np.isfinite(views.depth.numpy()).mean() > 0.5
+
+
+@pytest.mark.cxx
+def test_points_in_the_order_of_the_list(emulator):
+    """They equal those that are sorted. The emulator requires that all points are used."""
+    scene = build("cpu", random_poses(np.random.default_rng(1), 5), movable=False)
+    pixels = scattered(600, views=2, beyond=0)
+    renderer = renderer_of(emulator, scene, outputs=("depth",))
+    whole = renderer.render_at(eyes(2), pixels).depth.numpy()
+    seen = cast_points(renderer, eyes(2), pixels, used=wp.array([600, 600], dtype=wp.int32))
+    np.testing.assert_array_equal(seen, whole)
+
+
+def test_unused_points_of_single_rays_hit_nothing(device):
+    points, used = scattered(50, views=3), np.array([0, 20, 50], dtype=np.int32)
+    cleared = wp.array(points, dtype=wp.vec2, device=device)
+    wp.launch(clear_unused, (3, 50), inputs=[wp.array(used, device=device), cleared], device=device)
+    np.testing.assert_array_equal(cleared.numpy(), reference.clear_unused(used, points))
+
+
+def cast_points(renderer, poses, pixels, **options):
+    """Return the depth of points with options of `ViewBatch`."""
+    points, caster = wp.array(pixels[:, None], dtype=wp.vec2), renderer._caster
+    worlds = parse_worlds(renderer.scene, len(poses), None, None, None)
+    depth = wp.zeros(points.shape, dtype=wp.float32)
+    caster.cast(
+        ViewBatch(caster.parse_poses(poses, renderer.camera.axes), worlds, pixels=points, **options), {"depth": depth}
+    )
+    return depth.numpy()[:, 0]
 
 
 @pytest.mark.cxx

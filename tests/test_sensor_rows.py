@@ -9,6 +9,7 @@ import pytest
 
 import warpvis as wv
 from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, SimKinect, TimeOfFlight
+from warpvis.sensors.depth import _kinect_models
 
 from support.one_pixel import compute_one_pixel_at_a_time
 
@@ -50,3 +51,19 @@ def test_rows_equal_single_pixels(room, model, monkeypatch):
     for mine, theirs in zip(rows, pixels, strict=True):
         np.testing.assert_array_equal(mine, theirs)
     assert {Reason.VALID, Reason.RANGE} <= set(np.unique(pixels[1]))
+
+
+@pytest.mark.parametrize("pattern", [None, (60, 200), (30, 90)])
+def test_listed_dots_of_simkinect_equal_rows(room, pattern, monkeypatch):
+    """As on a GPU; patterns may be larger or smaller than the image."""
+    scene, poses = room
+    dots = None if pattern is None else (np.random.default_rng(0).random(pattern) < 0.15).astype(np.uint8) * 200
+    options = {"outputs": ("depth", "reasons"), "sensor": SimKinect(pattern=dots), "seed": 5, "frame": 2}
+    rows = wv.render(scene, CAMERA, poses, **options)
+    compute_one_pixel_at_a_time(monkeypatch, "noise", "simkinect")
+    lay_out = _kinect_models._lay_out_dots.__wrapped__
+    monkeypatch.setattr(_kinect_models, "_lay_out_dots", lambda *given, listed: lay_out(*given, listed=True))
+    listed = wv.render(scene, CAMERA, poses, **options)
+    np.testing.assert_array_equal(listed.depth.numpy(), rows.depth.numpy())
+    np.testing.assert_array_equal(listed.reasons.numpy(), rows.reasons.numpy())
+    assert (rows.reasons.numpy() == Reason.VALID).mean() > 0.01

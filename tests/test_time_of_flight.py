@@ -14,8 +14,9 @@ from gpu_code import gpu_code
 from scipy import stats
 
 import warpvis as wv
+from warpvis.kernels.sensors.sub_rays import list_sub_rays
 from warpvis.sensors import Reason, TimeOfFlight
-from warpvis.sensors.depth._time_of_flight import _number_edges
+from warpvis.sensors.depth import _time_of_flight
 
 from support import stereo
 from support.stereo import AHEAD, CAMERA, OUTPUTS, POSES, box, images
@@ -210,15 +211,14 @@ def test_sub_rays_in_parts_give_equal_images(device, monkeypatch):
 
 
 def test_sub_rays_of_all_pixels_give_equal_images(device, monkeypatch):
-    """As on a GPU, which does not count edge pixels: sub-rays of other pixels hit nothing."""
-    from warpvis.sensors.depth import _time_of_flight
-
-    scene, in_parts = make_scene(device), _time_of_flight._pixels_in_parts
+    """As on a GPU, where the host does not know the number of edge pixels: in lists of parts of all pixels."""
+    scene = make_scene(device)
     options = {"outputs": OUTPUTS, "sensor": FULL, "seed": 4, "caster": "rays"}
     whole = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
-    monkeypatch.setattr(_time_of_flight, "_pixels_in_parts", lambda slots, counted: in_parts(slots, False))
+    monkeypatch.setattr(_time_of_flight, "_counts_on_host", lambda device: False)
     for size in (2**28, 1):
         monkeypatch.setattr(_time_of_flight, "_PART_BYTES", size)
+        monkeypatch.setattr(_time_of_flight, "_GPU_PIXELS", 320)
         again = images(wv.render(scene, CAMERA, POSES, frame=0, **options))
         for name in OUTPUTS:
             np.testing.assert_array_equal(again[name], whole[name])
@@ -231,15 +231,42 @@ def test_noise_beyond_float_range_drops_out(device):
     np.testing.assert_array_equal(np.isnan(seen["depth"]), seen["reasons"] == Reason.DROPOUT)
 
 
-def test_edge_pixels_are_numbered_in_order(device):
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (16, 8), (37, 60)])
+def test_edge_pixels_are_numbered_and_listed_in_parts(device, height, width):
     """Views with none, some and all pixels at edges."""
-    places = np.arange(300)
-    some = np.where(np.random.default_rng(0).random(300) < 0.1, places, -1)
-    edges = np.stack([some, np.full(300, -1), places, some[::-1].copy()]).astype(np.int32)
-    numbers, pixels = twin.number_edges(edges, 320)
+    count, capacity = height * width, 64
+    places = np.arange(count)
+    some = np.where(np.random.default_rng(0).random(count) < 0.2, places, -1)
+    edges = np.stack([some, np.full(count, -1), places, some]).astype(np.int32).reshape(4, height, width)
     slots = wp.array(edges, dtype=wp.int32, device=device)
-    np.testing.assert_array_equal(_number_edges(slots, 320).numpy(), pixels)
-    np.testing.assert_array_equal(slots.numpy(), numbers)
+    pixels, counts, _ = _time_of_flight._number_edges(Scratches(device), slots)
+    expected = twin.number_edges(edges, slots.numpy())
+    np.testing.assert_array_equal(counts.numpy(), [len(numbers) for numbers in expected])
+    for view, numbers in enumerate(expected):
+        np.testing.assert_array_equal(pixels.numpy()[view, : len(numbers)], numbers)
+    in_tiles = twin.count_edges(edges, 8)
+    for view, row, column in np.ndindex(*in_tiles.shape):
+        numbers = slots.numpy()[view, 8 * row : 8 * row + 8, 8 * column : 8 * column + 8]
+        numbers = numbers[numbers >= 0]
+        assert len(numbers) == in_tiles[view, row, column]
+        assert not len(numbers) or numbers.max() - numbers.min() == len(numbers) - 1
+    points, used = (wp.empty(shape, dtype=kind, device=device) for shape, kind in [((4, 1024), wp.vec2), (4, wp.int32)])
+    for first in range(0, count, capacity):
+        given = [pixels, counts, first, width, 100, points, used]
+        wp.launch(list_sub_rays, (4, 100), inputs=given, device=device)
+        for view, listed in enumerate(twin.list_sub_rays(expected, first, width, capacity)):
+            assert used.numpy()[view] == len(listed)
+            np.testing.assert_array_equal(points.numpy()[view, : len(listed)], listed)
+
+
+class Scratches:
+    """The memory of an `Exposure`."""
+
+    def __init__(self, device):
+        self.device = device
+
+    def scratch(self, name, shape, dtype):
+        return wp.empty(shape, dtype=dtype, device=self.device)
 
 
 @pytest.mark.parametrize("part", range(1, 16))

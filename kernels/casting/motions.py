@@ -44,6 +44,17 @@ class Motion:
     """(view, y, x): poses of individual rays, instead of legs; any dimension may be 1 to share poses. Usually None."""
 
 
+@wp.struct
+class TimedRays:
+    """Rays of a sensor, (y, x): directions in its frame, of depth 1, and NaN where there is none."""
+
+    directions: wp.array2d[wp.vec3d]
+    origins: wp.array2d[wp.vec3d]
+    """In that frame; None for the frame's origin."""
+    times: wp.array2d[wp.float64]
+    """After the start of the frame [s]; None if every ray has an individual pose."""
+
+
 @wp.func
 def is_same(a: wp.transform, b: wp.transform) -> bool:
     for k in range(7):
@@ -179,6 +190,15 @@ def sensor_at(motion: Motion, view: int, y: int, x: int, time: wp.float64) -> Fr
         j, k = wp.min(y, motion.poses.shape[1] - 1), wp.min(x, motion.poses.shape[2] - 1)
         return frame_of(motion.poses[i, j, k])
     return frame_at(motion, wp.min(view, motion.legs.shape[1] - 1), 0, time)
+
+
+@wp.func
+def eye_of(motion: Motion, rays: TimedRays, view: int, y: int, x: int, time: wp.float64) -> Frame:
+    """Return the pose of a sensor when a ray is cast, moved to the ray's origin."""
+    eye = sensor_at(motion, view, y, x, time)
+    if rays.origins:
+        eye.origin += wp.quat_rotate(eye.rotation, rays.origins[y, x])
+    return eye
 
 
 @wp.struct

@@ -5,7 +5,7 @@
 import warp as wp
 
 from warpvis.kernels.casting.images import Images
-from warpvis.kernels.casting.motions import Motion, MovingObjects, sensor_at, time_of
+from warpvis.kernels.casting.motions import Motion, MovingObjects, TimedRays, eye_of, time_of
 from warpvis.kernels.casting.rays import (
     CUDA_REGISTERS,
     FARTHEST,
@@ -24,6 +24,32 @@ from warpvis.kernels.pinhole import Window, locate
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
+@wp.func
+def cast_ray_at_objects(
+    scene: TriangleScene,
+    camera: RayRange,
+    sensor: Motion,
+    rays: TimedRays,
+    worlds: Worlds,
+    objects: Motion,
+    view: int,
+    y: int,
+    x: int,
+    cull_backfaces: bool,
+    images_out: Images,
+):
+    """Write the images of a ray for moving objects."""
+    moving = MovingObjects()
+    moving.motion = objects
+    moving.time = time_of(sensor, rays.times, view, y, x)
+    eye = eye_of(sensor, rays, view, y, x, moving.time)
+    ray = rays.directions[y, x]
+    hit = no_hit()
+    if ray[2] == ray[2]:
+        hit = trace_ray(scene, camera, eye, worlds, moving, view, ray, cull_backfaces)
+    write_images(scene, eye.origin, worlds, moving, view, hit, view, y, x, images_out)
+
+
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
 def cast_at_moving_objects(
     # Scene:
@@ -35,9 +61,7 @@ def cast_at_moving_objects(
     # In:
     worlds: Worlds,
     objects: Motion,
-    rays_in: wp.array2d[wp.vec3d],
-    origins_in: wp.array2d[wp.vec3d],
-    times_in: wp.array2d[wp.float64],
+    rays: TimedRays,
     cull_backfaces: bool,
     # Out:
     images_out: Images,
@@ -49,17 +73,7 @@ def cast_at_moving_objects(
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
 
-    moving = MovingObjects()
-    moving.motion = objects
-    moving.time = time_of(sensor, times_in, view, y, x)
-    eye = sensor_at(sensor, view, y, x, moving.time)
-    if origins_in:
-        eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
-    ray = rays_in[y, x]
-    hit = no_hit()
-    if ray[2] == ray[2]:
-        hit = trace_ray(scene, camera, eye, worlds, moving, view, ray, cull_backfaces)
-    write_images(scene, eye.origin, worlds, moving, view, hit, view, y, x, images_out)
+    cast_ray_at_objects(scene, camera, sensor, rays, worlds, objects, view, y, x, cull_backfaces, images_out)
 
 
 @wp.kernel
@@ -73,9 +87,7 @@ def cast_touched_rays(
     # In:
     worlds: Worlds,
     objects: Motion,
-    rays_in: wp.array2d[wp.vec3d],
-    origins_in: wp.array2d[wp.vec3d],
-    times_in: wp.array2d[wp.float64],
+    rays: TimedRays,
     touched_in: wp.array3d[wp.int32],
     cull_backfaces: bool,
     # Out:
@@ -95,11 +107,9 @@ def cast_touched_rays(
         return
     moving = MovingObjects()
     moving.motion = objects
-    moving.time = time_of(sensor, times_in, view, y, x)
-    eye = sensor_at(sensor, view, y, x, moving.time)
-    if origins_in:
-        eye.origin += wp.quat_rotate(eye.rotation, origins_in[y, x])
-    ray, world = rays_in[y, x], world_of(worlds, view)
+    moving.time = time_of(sensor, rays.times, view, y, x)
+    eye = eye_of(sensor, rays, view, y, x, moving.time)
+    ray, world = rays.directions[y, x], world_of(worlds, view)
     hit = no_hit()
     hit.direction = wp.quat_rotate(eye.rotation, ray)
     hit.depth = wp.where(wp.isfinite(behind), behind, float(FARTHEST))

@@ -33,6 +33,10 @@ class PointLists:
 
     pixels: wp.array2d[wp.vec2]
     """(view, point): from the image's corner [px]."""
+    used: wp.array[wp.int32]
+    """(view): number of points that are cast, in the order of the list; None if all are, in rows or sorted."""
+    step: int
+    """Number of warps per view, each of which casts one in so many packets of the used points."""
     columns: int
     """Number of points per row, if the points are in rows."""
     spread: wp.array[wp.int32]
@@ -155,3 +159,16 @@ def sort_points(
         if point < points_out.pixels.shape[1]:
             cell = view * points_out.cells + cell_of(points_out.pixels[view, point], point, width, height, bits)
             points_out.order[points_out.ends[cell] - wp.atomic_sub(points_out.counts, cell, 1)] = point
+
+
+@wp.kernel
+def clear_unused(
+    # In:
+    used: wp.array[wp.int32],
+    # Out:
+    points_out: wp.array2d[wp.vec2],
+):
+    """Write NaN to the points of each view that are not used, so that their rays hit nothing."""
+    view, point = wp.tid()
+    if point >= used[view]:
+        points_out[view, point] = wp.vec2(wp.nan, wp.nan)

@@ -18,6 +18,7 @@ class SensorInputs:
     shown: wp.array3d[wp.int32]  # index of the pixel in the view whose normal and object apply; None: its own
     reflectivity: wp.array[float]  # of objects
     column_slopes: wp.array[wp.float64]  # x of the camera-frame ray with z = 1, for each column; None: it is computed
+    row_slopes: wp.array[wp.float64]  # y of that ray, for each row
     draws: wp.array[wp.vec2ui]  # keys of random numbers
     seed: wp.uint32
 

@@ -19,7 +19,7 @@ wp.set_module_options(pixel_options("shared/random.h"))
 @wp.func_native(
     """
 typedef warpvis::PixelWords<warpvis::OnePixel> Words;
-return Words::draw(warpvis::RandomKey{seed, view, frame}, stream, y, x).block[0];
+return Words::draw_one(warpvis::RandomKey{seed, view, frame}, stream, y, x);
 """
 )
 def random_word(seed: wp.uint32, stream: wp.uint32, view: wp.uint32, frame: wp.uint32, y: int, x: int) -> wp.uint32: ...

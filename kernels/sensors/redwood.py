@@ -4,60 +4,38 @@
 
 import warp as wp
 
-from warpvis.kernels.constants import REASON_DROPOUT, REASON_EMPTY, REASON_RANGE
 from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
-from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs, limit_depth, range_reason, write_pixel
+from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
-wp.set_module_options(pixel_options("shared/noise.h"))
-
-FARTHEST = wp.constant(10.0)
-"""Surfaces at this depth or beyond are out of range [m]."""
-JITTER = wp.constant(0.25)
-"""Standard deviation of the lateral jitter [px]."""
-DISPARITY_SCALE = wp.constant(35.130)
-"""Focal length times baseline [px m]."""
-DISPARITY_SIGMA = wp.constant(0.027778)
-"""Standard deviation of disparity [px]."""
-LEVELS = wp.constant(8.0)
-"""Disparity levels per pixel."""
-MIN_FACTOR = wp.constant(1.0e-5)
-"""Entries of the table below this are missing."""
-TABLE_WIDTH, TABLE_HEIGHT, CELL_WIDTH, CELL_HEIGHT = (
-    wp.constant(640),
-    wp.constant(480),
-    wp.constant(8),
-    wp.constant(6),
-)
-"""Image size of the table, and size of its cells [px]."""
+wp.set_module_options(pixel_options("shared/redwood.h"))
 
 
 @wp.struct
 class RedwoodModel:
     """The parameters of `warpvis.sensors.RedwoodNoise`."""
 
-    multiplier: float
+    multiplier: float  # of both standard deviations
+    jitter: float  # standard deviation of the lateral jitter [px]
+    farthest: float  # surfaces at this depth or beyond are out of range [m]
+    disparity_scale: float  # focal length times baseline [px m]
+    disparity_sigma: float  # standard deviation of disparity [px]
+    levels: float  # of disparity per pixel
+    min_factor: float  # entries of the table below this are missing
 
 
-@wp.func
-def moved(pixel: int, shift: float, size: int) -> int:
-    """Return the pixel nearest to a shifted pixel along one axis, clamped to the image."""
-    return int(wp.clamp(float(pixel) + shift, 0.0, float(size - 1)) + 0.5)
-
-
-@wp.func
-def cell_of(pixel: int, size: int, table_size: int, cell: int) -> int:
-    """Return the table's cell for a pixel of an image of any size."""
-    return int(float(pixel) / float(wp.max(size - 1, 1)) * float(table_size - 1) + 0.5) // cell
-
-
-@wp.func
-def distortion_of(table: wp.array3d[float], y: int, x: int, depth: float) -> float:
-    """Return the divisor of depth, interpolated between a cell's entries at 1, 3, 5, 7 and 9 m."""
-    after = int((depth + 1.0) / 2.0)
-    share = (depth - float(2 * after - 1)) / 2.0
-    before = wp.clamp(after - 1, 0, 4)
-    return (1.0 - share) * table[y, x, before] + share * table[y, x, wp.min(after, 4)]
+@wp.func_native(
+    "warpvis::measure<warpvis::Redwood>(warpvis::sensor_row(inputs, images_out, view, y), x, model, table);"
+)
+def measure_pixels(
+    model: RedwoodModel,
+    table: wp.array3d[float],
+    inputs: SensorInputs,
+    view: int,
+    y: int,
+    x: int,
+    images_out: MeasuredImages,
+): ...
 
 
 @wp.kernel
@@ -67,37 +45,10 @@ def measure_redwood(
     model: RedwoodModel,
     table: wp.array3d[float],
     inputs: SensorInputs,
-    normals_across: wp.array3d[float],
-    normals_down: wp.array3d[float],
-    normals: wp.array3d[float],
     # Out:
     images_out: MeasuredImages,
 ):
     """Write distorted depth of every second pixel, as quantized disparity with noise."""
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
-    height, width = inputs.true_depth.shape[1], inputs.true_depth.shape[2]
-    jitter = JITTER * model.multiplier
-    row = moved(y, jitter * normals_down[view, y, x], height)
-    column = moved(x, jitter * normals_across[view, y, x], width)
-    depth = float(inputs.true_depth[view, row - row % 2, column - column % 2])
-    reason = int(REASON_EMPTY)
-    if wp.isfinite(depth):
-        reason = REASON_RANGE
-        if depth >= FARTHEST:
-            depth = wp.inf
-        else:
-            cell_row = cell_of(row, height, TABLE_HEIGHT, CELL_HEIGHT)
-            cell_column = cell_of(column, width, TABLE_WIDTH, CELL_WIDTH)
-            factor = distortion_of(table, cell_row, cell_column, depth)
-            if factor < MIN_FACTOR:
-                depth = wp.nan
-                reason = REASON_DROPOUT
-            else:
-                noise = DISPARITY_SIGMA * model.multiplier * normals[view, y, x]
-                levels = wp.rint((DISPARITY_SCALE * factor / depth + noise) * LEVELS)
-                # Depth is infinite below the first step of disparity.
-                depth = wp.where(levels > 0.0, DISPARITY_SCALE * LEVELS / levels, wp.inf)
-                depth = limit_depth(inputs.camera, depth)
-                reason = range_reason(depth)
-    write_pixel(images_out, view, y, x, depth, reason)
+    measure_pixels(model, table, inputs, view, y, x, images_out)

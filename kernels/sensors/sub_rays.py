@@ -4,12 +4,14 @@
 
 import warp as wp
 
+from warpvis.kernels.casting.point_order import along_hilbert
 from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate, pose_rotation
 from warpvis.kernels.sensors.noise import SensorInputs
 
 wp.set_module_options(pixel_options("shared/sub_rays.h"))
 
+SUB_RAYS = wp.constant(16)  # of an edge pixel
 TILE_PIXELS = wp.constant(16)  # per tile; tiles are placed side by side in a map of sub-rays
 
 
@@ -58,39 +60,78 @@ def find_edges(
     find_pixel_edges(axes[view], inputs, edge_step, view, y, x, edges_out)
 
 
+TILE_SIDE = wp.constant(8)  # of tiles in which edge pixels are numbered [px]
+
+
+@wp.struct
+class EdgeTiles:
+    """Tiles of the images in the order of a Hilbert curve: numbers of edge pixels, (tile of a view), flattened."""
+
+    bits: int  # log2 of the number of tiles along a side of the curve
+    counts: wp.array[wp.int32]  # edge pixels that are not numbered yet
+    ends: wp.array[wp.int32]  # sum of the numbers of edge pixels up to this tile
+
+
+@wp.func
+def tile_of(tiles: EdgeTiles, view: int, strip: int, x: int) -> int:
+    """Return the tile of a strip, which is a column of a tile."""
+    return (view << 2 * tiles.bits) + along_hilbert(x // TILE_SIDE, strip, tiles.bits)
+
+
+@wp.func
+def edges_in_strip(edges: wp.array3d[wp.int32], view: int, strip: int, x: int) -> int:
+    count = int(0)
+    for y in range(strip * TILE_SIDE, wp.min((strip + 1) * TILE_SIDE, edges.shape[1])):
+        if edges[view, y, x] >= 0:
+            count += 1
+    return count
+
+
 @wp.kernel
-def flag_edges(
+def count_edges(
     # In:
-    edges: wp.array[wp.int32],
+    edges: wp.array3d[wp.int32],
     # Out:
-    flags_out: wp.array[wp.int32],
+    tiles_out: EdgeTiles,
 ):
-    """Write 1 for edge pixels, as found by `find_edges`, and 0 for other pixels."""
-    pixel = wp.tid()
-    flags_out[pixel] = wp.where(edges[pixel] >= 0, 1, 0)
+    """Count the edge pixels of each tile. The counts must be 0 before the launch."""
+    view, strip, x = wp.tid()
+    count = edges_in_strip(edges, view, strip, x)
+    if count > 0:
+        wp.atomic_add(tiles_out.counts, tile_of(tiles_out, view, strip, x), count)
 
 
 @wp.kernel
 def number_edges(
-    # In:
-    sums: wp.array2d[wp.int32],
     # Out:
-    edges_out: wp.array2d[wp.int32],
+    tiles_out: EdgeTiles,
+    edges_out: wp.array3d[wp.int32],
     pixels_out: wp.array2d[wp.int32],
+    counts_out: wp.array[wp.int32],
 ):
-    """Number the edge pixels of each view in row-major order, from an inclusive scan of flags over all views.
+    """Number the edge pixels of each view, tile after tile, so that neighbors have similar numbers.
 
     `edges_out` contains pixel indices on input and edge numbers on output; `pixels_out` is the inverse mapping.
+    `counts_out` is the number of edge pixels of each view. Within a tile, the order is arbitrary.
     """
-    view, pixel = wp.tid()
-    index = edges_out[view, pixel]
-    if index < 0:
-        return
-    number = sums[view, pixel] - 1
+    view, strip, x = wp.tid()
+    last = ((view + 1) << 2 * tiles_out.bits) - 1
+    first = int(0)
     if view > 0:
-        number -= sums[view - 1, sums.shape[1] - 1]
-    edges_out[view, pixel] = number
-    pixels_out[view, number] = index
+        first = tiles_out.ends[(view << 2 * tiles_out.bits) - 1]
+    if strip == 0 and x == 0:
+        counts_out[view] = tiles_out.ends[last] - first
+    count = edges_in_strip(edges_out, view, strip, x)
+    if count == 0:
+        return
+    tile = tile_of(tiles_out, view, strip, x)
+    number = tiles_out.ends[tile] - wp.atomic_sub(tiles_out.counts, tile, count) - first
+    for y in range(strip * TILE_SIDE, wp.min((strip + 1) * TILE_SIDE, edges_out.shape[1])):
+        pixel = edges_out[view, y, x]
+        if pixel >= 0:
+            edges_out[view, y, x] = number
+            pixels_out[view, number] = pixel
+            number += 1
 
 
 @wp.func_native("warpvis::place_sub_rays(pixels, first, width, view, y, x, points_out);")
@@ -124,3 +165,32 @@ def place_sub_rays(
     view, y, x = wp.tid()
     view, y = locate(window, view, y)
     place(pixels, first, width, view, y, x, points_out)
+
+
+@wp.kernel
+def list_sub_rays(
+    # In:
+    pixels: wp.array2d[wp.int32],
+    counts: wp.array[wp.int32],
+    first: int,
+    width: int,
+    step: int,
+    # Out:
+    points_out: wp.array2d[wp.vec2],
+    used_out: wp.array[wp.int32],
+):
+    """Write the sub-rays of `place_sub_rays` pixel by pixel, for edge pixels from `first` on.
+
+    `points_out` has room for a part of the pixels of a view; `used_out` is the number of points written. A thread
+    writes one in `step` points.
+    """
+    view, thread = wp.tid()
+    used = wp.clamp((counts[view] - first) * SUB_RAYS, 0, points_out.shape[1])
+    if thread == 0:
+        used_out[view] = used
+    for i in range(thread, used, step):
+        pixel, k = pixels[view, first + i // SUB_RAYS], i % SUB_RAYS
+        column, row = k % 4, k // 4
+        u = (float(column) + (float(row) + 0.5) * 0.25) * 0.25
+        v = (float(row) + (float(column) + 0.5) * 0.25) * 0.25
+        points_out[view, i] = wp.vec2(float(pixel % width) + u, float(pixel // width) + v)

@@ -10,7 +10,7 @@ import warp as wp
 from warpvis.kernels.native_source import pixel_options
 from warpvis.kernels.pinhole import Window, locate
 from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
-from warpvis.kernels.sensors.sub_rays import TILE_PIXELS
+from warpvis.kernels.sensors.sub_rays import SUB_RAYS, TILE_PIXELS
 
 wp.set_module_options(pixel_options("shared/sub_rays.h"))
 
@@ -39,7 +39,8 @@ class FlightModel:
     """
 const auto map = warpvis::SubRayMap::of(depth, normals, segmentation, view, tile);
 const int* numbers = &pixels.data[(long long)view * pixels.shape[1] + number];
-warpvis::mix_sub_rays(model, inputs, axes, map, numbers, index, &mixes_out.data[numbers - pixels.data]);
+const int count = counts.data ? counts.data[view] - number : warpvis::SUB_RAYS;
+warpvis::mix_sub_rays(model, inputs, axes, map, numbers, count, index, &mixes_out.data[numbers - pixels.data]);
 """
 )
 def mix_pixels(
@@ -47,6 +48,7 @@ def mix_pixels(
     inputs: SensorInputs,
     axes: wp.mat33,
     pixels: wp.array2d[wp.int32],
+    counts: wp.array[wp.int32],
     depth: wp.array3d[float],
     normals: wp.array3d[wp.vec3],
     segmentation: wp.array3d[wp.int32],
@@ -67,22 +69,45 @@ def mix_sub_rays(
     model: FlightModel,
     inputs: SensorInputs,
     pixels: wp.array2d[wp.int32],
+    counts: wp.array[wp.int32],
     depth: wp.array3d[float],
     normals: wp.array3d[wp.vec3],
     segmentation: wp.array3d[wp.int32],
     first: int,
+    step: int,
     # Out:
     mixes_out: wp.array2d[wp.vec4],
 ):
     """Write the sum of each edge pixel's phasors: range [m], amplitude, total light, amplitude at normal incidence.
 
     The range is +inf without returned light, and NaN if coherence is too low because the light is of several ranges.
-    Nothing is written for pixel -1. On a CPU, a thread computes a tile of pixels.
+    Nothing is written for pixel -1. On a CPU, a thread computes a tile of pixels. Images are maps of `place_sub_rays`
+    or, if `counts` of edge pixels are not None, lists of `list_sub_rays`, of which a thread takes one in `step` tiles.
     """
     view, tile, index = wp.tid()
     view, tile = locate(window, view, tile)
     number = first + tile * TILE_PIXELS
-    mix_pixels(model, inputs, axes[view], pixels, depth, normals, segmentation, view, number, tile, index, mixes_out)
+    end = number + TILE_PIXELS
+    if counts:
+        end = wp.min(counts[view], first + depth.shape[2] // SUB_RAYS)
+    while number + index < end:
+        mix_pixels(
+            model,
+            inputs,
+            axes[view],
+            pixels,
+            counts,
+            depth,
+            normals,
+            segmentation,
+            view,
+            number,
+            tile,
+            index,
+            mixes_out,
+        )
+        number += step * TILE_PIXELS
+        tile += step
 
 
 @wp.func_native("warpvis::measure<warpvis::Flight>(warpvis::sensor_row(inputs, images_out, view, y), x, model, axes);")

@@ -83,12 +83,12 @@ class Exposure:
         *inputs: object,
         cameras: Sequence[object] = (),
         shape: tuple[int, int, int] | None = None,
-        rows: bool = False,
+        rows: int = 0,
     ) -> None:
         """Launch a kernel over all pixels of ``(V, Y, X)``, by default those of `depth_out`, on the scene's device.
 
-        Its arguments are `cameras`, the window of `warpvis.core.threads.launch_images`, and `inputs`. With `rows`, each
-        of its threads processes a row of pixels on a CPU.
+        Its arguments are `cameras`, the window of `warpvis.core.threads.launch_images`, and `inputs`. If `rows` is not
+        0, each of its threads processes a row of pixels on a CPU, and `rows` pixels of a row on a GPU.
         """
         launch_images(
             kernel,
@@ -96,7 +96,7 @@ class Exposure:
             lambda window: [*cameras, window, *inputs],
             device=self.scene.device,
             threads=self.threads,
-            span=WHOLE_ROW if rows and self.scene.device.is_cpu else 1,
+            span=WHOLE_ROW if rows and self.scene.device.is_cpu else max(rows, 1),
         )
 
     def cast_at(self, camera: Camera, poses: wp.array, points: wp.array, limits: wp.array | None = None) -> wp.array:
@@ -116,10 +116,13 @@ class Exposure:
         return self.cast(self.worlds, camera, poses, points, ("depth",), limits)["depth"]
 
     def cast_images_at(
-        self, camera: Camera, poses: wp.array, points: wp.array, names: tuple[str, ...]
+        self, camera: Camera, poses: wp.array, points: wp.array, names: tuple[str, ...], used: wp.array | None = None
     ) -> dict[str, wp.array]:
-        """Cast as `cast_at` does and return several images by name: ``"depth"``, ``"normals"``, ``"segmentation"``."""
-        return self.cast(self.worlds, camera, poses, points, names)
+        """Cast as `cast_at` does and return several images by name: ``"depth"``, ``"normals"``, ``"segmentation"``.
+
+        `used` are numbers of points of each view, ``(V,)`` int32 on the device: images of later points are not needed.
+        """
+        return self.cast(self.worlds, camera, poses, points, names, None, used)
 
     def measure_some(self, views: NDArray[np.integer], sensor: DepthSensor) -> None:
         """Let a sensor measure a subset of the views, given by ascending indices."""

@@ -124,13 +124,15 @@ class Sensing:
         points: wp.array,
         names: tuple[str, ...],
         limits: wp.array | None = None,
+        used: wp.array | None = None,
     ) -> dict[str, wp.array]:
         """Implement `Exposure.cast`."""
         if camera not in self._casters:
             self._casters[camera] = self._make_caster(camera)
         caster = self._casters[camera]
         seen = {name: scratch.array(f"seen {name}", points.shape, pixel_type(name)) for name in names}
-        caster.cast(ViewBatch(caster.parse_poses(poses, "opencv"), worlds, pixels=points, limits=limits), seen)
+        views = ViewBatch(caster.parse_poses(poses, "opencv"), worlds, pixels=points, limits=limits, used=used)
+        caster.cast(views, seen)
         return seen
 
 

@@ -114,6 +114,7 @@ struct NearestDots<PixelLanes, Offsets> {
     int width, height;
     const int* detected;
     const Offsets& nearest;
+    const unsigned* words;  // not used
 
     inline void find(int x, int y, Ints* levels) const {
         if (x >= DOT_REACH && x + PIXELS + DOT_REACH <= width)

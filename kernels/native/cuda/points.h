@@ -20,20 +20,24 @@
 struct PointList {
     const ImagePoint* pixels;  // [px], from the image's corner
     int count;
-    const int* order;  // order of the points sorted by position; null if they are in rows
-    int columns;  // columns of each row; packets take squares of rows and columns
+    int used;  // number of points that are cast
+    const int* order;  // order of the points sorted by position; null if they are in rows or in order
+    int columns;  // columns of each row; packets take squares of rows and columns. 0 if points are in order
+    int step;  // of the packets of a warp; 0 if it has one
 
     // The points of a view, of a `PointLists` of kernels/casting/point_order.py.
     template <class PointLists>
     static inline PointList of(const PointLists& points, int view) {
         static_assert(sizeof(*points.pixels.data) == sizeof(ImagePoint), "points are read as two numbers");
-        const bool sorted = points.spread.data[view] > 0;
+        const bool in_order = points.used.data, sorted = !in_order && points.spread.data[view] > 0;
         const int first = sorted && view > 0 ? points.ends.data[(long long)view * points.cells - 1] : 0;
         PointList list;
         list.count = points.pixels.shape[1];
+        list.used = in_order ? points.used.data[view] : list.count;
         list.pixels = (const ImagePoint*)points.pixels.data + (long long)view * list.count;
         list.order = sorted ? points.order.data + first : nullptr;
-        list.columns = points.columns;
+        list.columns = in_order ? 0 : points.columns;
+        list.step = in_order ? points.step : 0;
         return list;
     }
 
@@ -48,9 +52,9 @@ struct PointList {
     // This lane's point of a block; -1 if it has no point.
     inline int index(int packet, int block) const {
         const int lane = Warp::lane();
-        if (order) {
+        if (order || columns == 0) {
             const int i = packet * SLOTS + block * LANES + lane;
-            return i < count ? order[i] : -1;
+            return i >= used ? -1 : order ? order[i] : i;
         }
         const int across = (columns + COLUMNS - 1) / COLUMNS;
         const int x = packet % across * COLUMNS + block % ACROSS * BLOCK_WIDTH + Packet::pixel_x(lane);
@@ -178,9 +182,17 @@ struct PointPacket {
         Warp::sync();
     }
 
-    // Draw and write a packet of a view. If the view's world does not exist, nothing is visible.
+    // Draw and write the packets of a warp. If the view's world does not exist, nothing is visible.
     static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
                             WarpMemory& memory) {
+        if (!list.step) return cast_packet(scene, view, list, number, out, memory);
+        for (; number * (int)SLOTS < list.used; number += list.step) {
+            cast_packet(scene, view, list, number, out, memory);
+            Warp::sync();
+        }
+    }
+    static inline void cast_packet(const Scene& scene, const View& view, const PointList& list, int number,
+                                   const Images& out, WarpMemory& memory) {
         Camera& camera = memory.cameras[WarpMemory::WORLD];
         PointBounds of_block;
         const PointBounds all = find(view, list, number, memory.pixels, of_block);

@@ -21,13 +21,13 @@ struct Corruption {
         PixelNormals<Numbers> multiplied, added;
     };
 
-    // Corrupt the pixels from x on that share random words. Drawing them is most of the work of a single pixel.
+    // Corrupt the pixels from x on that share random words.
     inline void measure(int x) const {
         Drawn drawn;
-        if (Numbers::PIXELS == 1 && !Numbers::any(Range::finite(before_of(x)))) return corrupt_pixels(drawn, 0, x);
         if (model.dropout > 0.0f) drawn.lost = row.draw(STREAM_LOST, x);
         if (model.multiplied > 0.0f) drawn.multiplied = row.draw_normals(STREAM_MULTIPLIED, x);
         if (model.added > 0.0f) drawn.added = row.draw_normals(STREAM_ADDED, x);
+        UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k) corrupt_pixels(drawn, k, x + k * Numbers::PIXELS);
     }
     // Reported depth before corruptions, and its reason.

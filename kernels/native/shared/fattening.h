@@ -24,17 +24,62 @@ struct Fattening {
     };
 
     inline void measure(int x) const {
-        for (int k = 0; row.has_word(x, k); ++k) write(x + k * Numbers::PIXELS);
+        GroupStore<Numbers, float> depths = {depth_out.data + row.place(x), row.count(x)};
+        GroupStore<Numbers, int> shown = {shown_out.data + row.place(x), row.count(x)};
+#if defined(__CUDA_ARCH__)
+        float near[RANDOM_WORDS];
+        find_nearest(x, near);
+#endif
+        UNROLL_ON_CUDA
+        for (int k = 0; row.has_word(x, k); ++k) {
+            const int column = x + k * Numbers::PIXELS;
+            Surface surface = {row.exact(column), shown_at(column, row.y)};
+            // A surface is in front if its disparity is at least this.
+            const Real least = model.disparity_scale / surface.depth + model.step;
+            // Most pixels have nothing in front of them, which the minimum depth of the window shows.
+#if defined(__CUDA_ARCH__)
+            const bool spreads = is_in_front(near[k], least);
+#else
+            const bool spreads = is_at_end(column) || Numbers::any(is_in_front(nearest(column), least));
+#endif
+            if (spreads) spread(surface, column, least);
+            depths.put(k, surface.depth);
+            if (shown_out.data) shown.put(k, surface.shown);
+        }
+        depths.flush();
+        if (shown_out.data) shown.flush();
     }
-    inline void write(int x) const {
-        Surface surface = {row.exact(x), shown_at(x, row.y)};
-        // A surface is in front if its disparity is at least this.
-        const Real least = model.disparity_scale / surface.depth + model.step;
-        // Most pixels have nothing in front of them, which the minimum depth of the window shows.
-        if (is_at_end(x) || Numbers::any(is_in_front(nearest(x), least))) spread(surface, x, least);
-        Numbers::store(depth_out.data + row.place(x), surface.depth, row.count(x));
-        if (shown_out.data) Numbers::store(shown_out.data + row.place(x), surface.shown, row.count(x));
+#if defined(__CUDA_ARCH__)
+    // Minimum depth in the windows of the pixels of a thread, inside of the image.
+    inline void find_nearest(int x, float* near) const {
+        const int reach = model.reach;
+#pragma unroll
+        for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = OnePixel::endless();
+        if (model.along_columns) {
+            for (int y = max(row.y - reach, 0); y <= min(row.y + reach, row.height - 1); ++y) {
+                float depths[RANDOM_WORDS];
+                DepthStrip::load(row.depth + row.place(x) + (long long)(y - row.y) * row.width, row.count(x), depths);
+#pragma unroll
+                for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = fminf(near[k], depths[k]);
+            }
+        } else if (reach <= (int)DepthStrip::REACH) {
+            const DepthStrip strip = DepthStrip::of(row, x);
+#pragma unroll
+            for (int lag = -DepthStrip::REACH; lag <= (int)DepthStrip::REACH; ++lag) {
+                if (lag < -reach || lag > reach) continue;
+#pragma unroll
+                for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = fminf(near[k], strip.at(k, lag));
+            }
+        } else {
+            for (int column = max(x - reach, 0); column < min(x + RANDOM_WORDS + reach, row.width); ++column) {
+                const float depth = row.depth[row.place(column)];
+#pragma unroll
+                for (int k = 0; k < RANDOM_WORDS; ++k)
+                    if (abs(column - x - k) <= reach) near[k] = fminf(near[k], depth);
+            }
+        }
     }
+#endif
     inline Whole is_in_front(Real depth, Real least) const { return least * depth <= model.disparity_scale; }
     inline Whole shown_at(int x, int y) const {
         const int index = y * row.width + x;

@@ -15,12 +15,10 @@ struct Khoshelham {
     const SensorRow<Numbers>& row;
     const Model& model;
 
-    // Measure the pixels from x on that share random words. Drawing them is most of the work of a single pixel.
+    // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
-        if (Numbers::PIXELS == 1 && !Numbers::any(Range::finite(row.exact(x)))) {
-            return row.write(x, row.exact(x), Numbers::whole(REASON_EMPTY));
-        }
         const PixelNormals<Numbers> normals = row.draw_normals(STREAM_DISPARITY, x);
+        UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k)
             measure_pixels(x + k * Numbers::PIXELS, model.sigma * normals.block[k]);
     }
@@ -120,15 +118,15 @@ struct Nguyen {
 
     // Measure the pixels from x on that share random words.
     inline void measure(int x) const {
-        const Normals across = row.draw_normals(STREAM_ACROSS, x), down = row.draw_normals(STREAM_DOWN, x);
-        Normals ahead;
-        if (Numbers::PIXELS > 1) ahead = row.draw_normals(STREAM_DEPTH, x);
+        const Normals across = row.draw_normals(STREAM_ACROSS, x), down = row.draw_normals(STREAM_DOWN, x),
+                      ahead = row.draw_normals(STREAM_DEPTH, x);
+        UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k) {
             const Real offsets[2] = {across.block[k], down.block[k]};
             measure_pixels(x + k * Numbers::PIXELS, offsets, ahead, k);
         }
     }
-    inline void measure_pixels(int x, const Real* offsets, Normals& ahead, int k) const {
+    inline void measure_pixels(int x, const Real* offsets, const Normals& ahead, int k) const {
         Real normal[3];
         row.normal(x, normal);
         const Real max_angle = Numbers::real(model.max_angle);
@@ -140,8 +138,6 @@ struct Nguyen {
         load(shown);
         const Whole has_surface = Range::finite(shown.depth);
         if (!Numbers::any(has_surface)) return row.write(x, shown.depth, Numbers::whole(REASON_EMPTY));
-        // A single pixel draws the noise of depth only if it has a depth: drawing is most of its work.
-        if (Numbers::PIXELS == 1) ahead = row.draw_normals(STREAM_DEPTH, x);
         const Real angle = angle_of(shown.normal), depth = met_depth(shown, Numbers::indices(x));
         const Real reported = row.range.report(depth + axial(depth, angle) * ahead.block[k]);
         const Whole grazing = angle > max_angle;

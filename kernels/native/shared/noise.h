@@ -42,7 +42,7 @@ struct SensorRow {
     RandomKey key;
     Range range;
     double focal[2], center[2];
-    const double* column_slopes;  // [x]; null if they are computed
+    const double *column_slopes, *row_slopes;  // of rays; null if they are computed
     const float* depth;  // of the first surface
     const float* normals;  // xyz in the world
     const int* segmentation;
@@ -50,18 +50,24 @@ struct SensorRow {
     const float* reflectivity;  // [object]
     float* depth_out;
     unsigned char* reasons_out;
+#if defined(__CUDA_ARCH__)
+    // What `write` was given for the pixels of the thread, which `flush` stores.
+    mutable float reported[RANDOM_WORDS];
+    mutable unsigned char reasons[RANDOM_WORDS];
+#endif
 
     template <class Inputs>
     static inline SensorRow of(const Inputs& inputs, int view, int y) {
         SensorRow row;
         row.view = view, row.y = y;
+        row.depth_out = nullptr, row.reasons_out = nullptr;
         row.height = (int)inputs.camera.height, row.width = (int)inputs.camera.width;
         row.first = (long long)view * row.height * row.width;
         row.key = RandomKey{inputs.seed, inputs.draws.data[view][0], inputs.draws.data[view][1]};
         row.range = Range{inputs.camera.near, inputs.camera.far};
         row.focal[0] = inputs.camera.fx, row.focal[1] = inputs.camera.fy;
         row.center[0] = inputs.camera.cx, row.center[1] = inputs.camera.cy;
-        row.column_slopes = inputs.column_slopes.data;
+        row.column_slopes = inputs.column_slopes.data, row.row_slopes = inputs.row_slopes.data;
         row.depth = inputs.true_depth.data;
         row.normals = (const float*)inputs.normals.data;
         row.segmentation = inputs.segmentation.data;
@@ -76,9 +82,15 @@ struct SensorRow {
     inline Words draw(unsigned stream, int x) const { return Words::draw(key, stream, y, x); }
     inline Normals draw_normals(unsigned stream, int x) const { return Normals::of(draw(stream, x)); }
 
-    // Slopes of the rays of columns and rows, in the camera frame.
+    // Slopes of the rays of columns and rows, in the camera frame. CUDA looks them up: divisions in double precision
+    // would be much of the work of a pixel.
+#if defined(__CUDA_ARCH__)
+    inline Double across(Whole column) const { return column_slopes[column]; }
+    inline Double down(Whole row) const { return row_slopes[row]; }
+#else
     inline Double across(Whole column) const { return (Numbers::to_double(column) + 0.5 - center[0]) / focal[0]; }
     inline Double down(Whole row) const { return (Numbers::to_double(row) + 0.5 - center[1]) / focal[1]; }
+#endif
     // Those of the pixels from x on, whose divisions take longer than a load.
     inline Double across_from(int x) const {
         if (Numbers::PIXELS > 1 && column_slopes) return Numbers::load(column_slopes + x, width - x);
@@ -122,11 +134,59 @@ struct SensorRow {
         return Numbers::load(values, Numbers::PIXELS);
     }
 
+#if defined(__CUDA_ARCH__)
+    inline void write(int x, float depth, int reason) const {
+        reported[x & (RANDOM_WORDS - 1)] = depth;
+        reasons[x & (RANDOM_WORDS - 1)] = (unsigned char)reason;
+    }
+    inline void flush(int x) const {
+        GroupStore<Numbers, float> depths = {depth_out + place(x), count(x)};
+        GroupStore<Numbers, unsigned char> causes = {reasons_out + place(x), count(x)};
+#pragma unroll
+        for (int k = 0; k < RANDOM_WORDS; ++k) depths.put(k, reported[k]), causes.put(k, reasons[k]);
+        if (depth_out) depths.flush();
+        if (reasons_out) causes.flush();
+    }
+#else
     inline void write(int x, Real reported, Whole reason) const {
         Numbers::store(depth_out + place(x), reported, width - x);
         if (reasons_out) Numbers::store(reasons_out + place(x), reason, width - x);
     }
+    inline void flush(int) const {}
+#endif
 };
+
+#if defined(__CUDA_ARCH__)
+// Depths of the pixels of a thread and of as many on both sides, in one row.
+struct DepthStrip {
+    enum { REACH = RANDOM_WORDS, COUNT = RANDOM_WORDS + 2 * REACH };
+    float depths[COUNT];
+
+    // Pixels outside of the image have infinite depth.
+    static inline DepthStrip of(const SensorRow<OnePixel>& row, int x) {
+        DepthStrip strip;
+#pragma unroll
+        for (int part = 0; part < COUNT / RANDOM_WORDS; ++part) {
+            const int first = x + (part - 1) * RANDOM_WORDS;
+            load(row.depth + row.place(x) + (first - x), first < 0 ? 0 : row.count(first),
+                 strip.depths + part * RANDOM_WORDS);
+        }
+        return strip;
+    }
+    // Load the depths of four pixels, of which `count` are inside of the image.
+    static inline void load(const float* from, int count, float* to) {
+        if (count >= RANDOM_WORDS && ((unsigned long long)from & (RANDOM_WORDS * sizeof(float) - 1)) == 0) {
+            const float4 four = *(const float4*)from;
+            to[0] = four.x, to[1] = four.y, to[2] = four.z, to[3] = four.w;
+            return;
+        }
+#pragma unroll
+        for (int k = 0; k < RANDOM_WORDS; ++k) to[k] = k < count ? from[k] : OnePixel::endless();
+    }
+    // The depth of a neighbor of pixel k of the thread.
+    inline float at(int k, int lag) const { return depths[REACH + k + lag]; }
+};
+#endif
 
 // A row of a `SensorInputs`, and of the `MeasuredImages` that are written, of kernels/sensors/noise.py.
 template <class Inputs>
@@ -145,5 +205,8 @@ inline SensorRow<PixelNumbers> sensor_row(const Inputs& inputs, const Images& im
 template <template <class...> class Sensor, class... Data>
 inline void measure(const SensorRow<PixelNumbers>& row, int x, const Data&... data) {
     const Sensor<PixelNumbers, Data...> sensor = {row, data...};
-    for_pixels<PixelNumbers>(row.width, x, [&](int column) { sensor.measure(column); });
+    for_pixels<PixelNumbers>(row.width, x, [&](int column) {
+        sensor.measure(column);
+        row.flush(column);
+    });
 }

@@ -14,6 +14,14 @@
 constexpr unsigned FIRST_FACTOR = 0xD2511F53u, SECOND_FACTOR = 0xCD9E8D57u;
 constexpr unsigned FIRST_STEP = 0x9E3779B9u, SECOND_STEP = 0xBB67AE85u;
 constexpr int PHILOX_ROUNDS = 10;
+enum { RANDOM_WORDS = 4 };  // of a counter
+
+// Loops over the words of a thread keep them in registers if they are unrolled.
+#if defined(__CUDA_ARCH__)
+#define UNROLL_ON_CUDA _Pragma("unroll")
+#else
+#define UNROLL_ON_CUDA
+#endif
 
 template <class Numbers>
 struct Philox {
@@ -102,16 +110,24 @@ struct RandomKey {
     unsigned seed, view, frame;
 };
 
-// Random words of adjacent pixels of a row: four share a counter. This version returns the word of one pixel.
+// Random words of adjacent pixels of a row, from a multiple of four on: four share a counter. This version is for four
+// pixels, one after the other.
 template <class Numbers>
 struct PixelWords {
-    enum { WORDS = 1, PIXELS = 1 };
-    unsigned block[1];
+    enum { WORDS = RANDOM_WORDS, PIXELS = WORDS };
+    unsigned block[WORDS];
 
     static inline PixelWords draw(const RandomKey& key, unsigned stream, int y, int x) {
         Philox<Numbers> numbers = {{(unsigned)x >> 2, (unsigned)y, key.view, key.frame}};
         numbers.mix(key.seed, stream);
-        return PixelWords{{numbers.word[x & 3]}};
+        return PixelWords{{numbers.word[0], numbers.word[1], numbers.word[2], numbers.word[3]}};
+    }
+    // The word of any pixel.
+    static inline unsigned draw_one(const RandomKey& key, unsigned stream, int y, int x) {
+        const PixelWords words = draw(key, stream, y, x);
+        // Selected, because an index would move the words to memory.
+        const unsigned low = x & 1 ? words.block[1] : words.block[0], high = x & 1 ? words.block[3] : words.block[2];
+        return x & 2 ? high : low;
     }
 };
 
@@ -122,19 +138,59 @@ struct PixelNormals {
 
     static inline PixelNormals of(const PixelWords<Numbers>& words) {
         PixelNormals normals;
+        UNROLL_ON_CUDA
         for (int k = 0; k < PixelWords<Numbers>::WORDS; ++k) normals.block[k] = Random<Numbers>::normal(words.block[k]);
         return normals;
     }
 };
 
-// Call a function with the first column of every PixelWords::PIXELS pixels of a thread, which processes pixel x on CUDA
-// and a row on a CPU.
+// Numbers of a thread's pixels at adjacent places, of which `count` remain in the row. On CUDA, they are stored at
+// once: partial writes of sectors of memory would take as long as whole ones.
+template <class Numbers, class Number>
+struct GroupStore {
+    Number* to;
+    int count;
+#if defined(__CUDA_ARCH__)
+    Number values[RANDOM_WORDS];
+
+    inline void put(int k, Number value) { values[k] = value; }
+    inline void flush() const {
+        if (count >= RANDOM_WORDS && ((unsigned long long)to & (RANDOM_WORDS * sizeof(Number) - 1)) == 0) {
+            store_all(to);
+        } else {
+#pragma unroll
+            for (int k = 0; k < RANDOM_WORDS; ++k)
+                if (k < count) to[k] = values[k];
+        }
+    }
+    inline void store_all(float* all) const { *(float4*)all = make_float4(values[0], values[1], values[2], values[3]); }
+    inline void store_all(int* all) const { *(int4*)all = make_int4(values[0], values[1], values[2], values[3]); }
+    inline void store_all(unsigned char* all) const {
+        *(uchar4*)all = make_uchar4(values[0], values[1], values[2], values[3]);
+    }
+#else
+    template <class Value>
+    inline void put(int k, Value value) {
+        Numbers::store(to + k * Numbers::PIXELS, value, count - k * Numbers::PIXELS);
+    }
+    inline void flush() const {}
+#endif
+};
+
+// Call a function with the first column of every `PIXELS` pixels of a thread, which processes as many on CUDA, those of
+// group x, and a row on a CPU.
+template <int PIXELS, class Function>
+inline void for_groups(int width, int x, const Function& function) {
+#if defined(__CUDA_ARCH__)
+    if (x * PIXELS < width) function(x * PIXELS);
+#else
+    for (x = 0; x < width; x += PIXELS) function(x);
+#endif
+}
+// The same for pixels that share random words.
 template <class Numbers, class Function>
 inline void for_pixels(int width, int x, const Function& function) {
-#if !defined(__CUDA_ARCH__)
-    for (x = 0; x < width; x += PixelWords<Numbers>::PIXELS)
-#endif
-        function(x);
+    for_groups<PixelWords<Numbers>::PIXELS>(width, x, function);
 }
 
 // Write standard normal numbers for the pixels of a thread.
@@ -144,7 +200,10 @@ inline void draw_normals(const RandomKey& key, unsigned stream, const Image& ima
     float* row = image.data + ((long long)view * image.shape[1] + y) * width;
     for_pixels<Numbers>(width, x, [&](int column) {
         const auto normals = PixelNormals<Numbers>::of(PixelWords<Numbers>::draw(key, stream, y, column));
-        for (int k = 0; k < PixelWords<Numbers>::WORDS && column < width; ++k, column += Numbers::PIXELS)
-            Numbers::store(row + column, normals.block[k], width - column);
+        GroupStore<Numbers, float> stored = {row + column, width - column};
+        UNROLL_ON_CUDA
+        for (int k = 0; k < PixelWords<Numbers>::WORDS && column + k * Numbers::PIXELS < width; ++k)
+            stored.put(k, normals.block[k]);
+        stored.flush();
     });
 }

@@ -63,24 +63,29 @@ struct ShiftedLevels {
     }
 };
 
-// Write levels for the pixels of a thread.
-template <class Model, class Depth, class Shifts, class Levels>
-inline void shift_to_levels(const Model& model, const Depth& depth, const Shifts& across, const Shifts& down, int view,
-                            int y, int x, const Levels& levels) {
-    typedef PixelNumbers Numbers;
-    const int height = depth.shape[1], width = depth.shape[2];
-    const long long first = (long long)view * height * width, row = first + (long long)y * width;
-    const ShiftedLevels<Numbers> shifted = {width, height, depth.data + first};
-    for_pixels<Numbers>(width, x, [&](int column) {
-        for (int k = 0; k < PixelWords<Numbers>::WORDS && column < width; ++k, column += Numbers::PIXELS) {
-            const int count = width - column;
-            const auto right = model.shift * Numbers::load(across.data + row + column, count);
-            const auto below = model.shift * Numbers::load(down.data + row + column, count);
-            Numbers::store(levels.data + row + column,
-                           shifted.of(Numbers::columns(column), (float)y, right, below, model.disparity_scale), count);
+// The levels of rows of pixels, at randomly shifted positions.
+template <class Numbers, class Model, class Levels>
+struct LevelShift {
+    typedef typename Numbers::Whole Whole;
+    const SensorRow<Numbers>& row;
+    const Model& model;
+    const Levels& levels;
+
+    inline void measure(int x) const {
+        const ShiftedLevels<Numbers> shifted = {row.width, row.height, row.depth + row.first};
+        const PixelNormals<Numbers> across = row.draw_normals(STREAM_ACROSS, x),
+                                    down = row.draw_normals(STREAM_DOWN, x);
+        GroupStore<Numbers, int> stored = {levels.data + row.place(x), row.count(x)};
+        UNROLL_ON_CUDA
+        for (int k = 0; row.has_word(x, k); ++k) {
+            const Whole found =
+                shifted.of(Numbers::columns(x + k * Numbers::PIXELS), (float)row.y, model.shift * across.block[k],
+                           model.shift * down.block[k], model.disparity_scale);
+            stored.put(k, found);
         }
-    });
-}
+        stored.flush();
+    }
+};
 
 // A dot is detected if its window receives enough light from dots near its mean. `Numbers` hold columns of a window.
 template <class Numbers>
@@ -127,6 +132,60 @@ struct DotWindow {
     }
 };
 
+// The same for one dot, given where the dots of its window are: bits of three rows in each of three words.
+struct ListedDot {
+    enum { SIDE = 2 * DOT_REACH + 1, ROWS_OF_WORD = 3 };
+    int width, dots_width;
+    const int* levels;  // at the upper left corner of the window, as is the next one
+    const unsigned char* dots;
+
+    static inline int first_bit(unsigned word) {
+#if defined(__CUDA_ARCH__)
+        return __ffs(word) - 1;
+#else
+        return __builtin_ctz(word);
+#endif
+    }
+    template <class Words>
+    inline bool is_detected(const Words& words) const {
+        int number = 0, total = 0;
+        for (int row = 0; row < SIDE; ++row) {
+            const int* of_row = levels + (long long)row * width;
+#pragma unroll
+            for (int column = 0; column < SIDE; ++column) {
+                const int level = of_row[column];
+                total += level;
+                number += level > 0;
+            }
+        }
+        int found = 0, light = 0;
+        for (int part = 0; part < SIDE / ROWS_OF_WORD; ++part)
+            for (unsigned word = words[part]; word; word &= word - 1) {
+                const int bit = first_bit(word), row = bit / SIDE, column = bit - SIDE * row;
+                const int y = row + ROWS_OF_WORD * part, down = y - DOT_REACH, across = column - DOT_REACH;
+                const int level = levels[(long long)y * width + column], dot = dots[(long long)y * dots_width + column];
+                const int squared = across * across + down * down;
+                const float share = squared > 0 ? NEAR_MEAN_SCALE * (float)squared : NEAR_MEAN;
+                const float difference = OnePixel::abs((float)(level * number - total));
+                light += dot;
+                found += level > 0 && difference < share * (float)number ? dot : 0;
+            }
+        return 6 * found > 5 * light;
+    }
+};
+
+// Write the level of the dot at a pixel if it is detected.
+template <class Dots, class Words, class Levels>
+inline void detect_dot(const Dots& dots, int pixel, const Words& words, const Levels& levels, int view,
+                       const Levels& detected) {
+    const int height = levels.shape[1], width = levels.shape[2], dots_width = dots.shape[1];
+    const int y = pixel / width, x = pixel - width * y, top = y - DOT_REACH, left = x - DOT_REACH;
+    const long long first = (long long)view * height * width;
+    const ListedDot dot = {width, dots_width, levels.data + first + (long long)top * width + left,
+                           dots.data + (long long)top * dots_width + left};
+    if (dot.is_detected(words)) detected.data[first + pixel] = levels.data[first + pixel];
+}
+
 // A row of the images of dots.
 struct DotImages {
     int width, dots_width;
@@ -143,7 +202,7 @@ struct DotRow {
     const DotImages& images;
 
     inline void detect(int x) const {
-        for_pixels<OnePixel>(images.width, x, [&](int column) {
+        for_groups<1>(images.width, x, [&](int column) {
             int level = 0;
             if (images.has_windows && column >= DOT_REACH && column < images.end && images.dots[column]) {
                 const int* place = images.levels + column;
@@ -176,10 +235,21 @@ struct NearestDots {
     int width, height;
     const int* detected;  // of a view
     const Offsets& nearest;
+    const unsigned* words;  // bits of the offsets of each pixel at which the pattern has dots; null if unknown
 
     // Find them for the pixels of a thread from x on.
     inline void find(int x, int y, Whole* levels) const {
-        for (int k = 0; k < PixelWords<Numbers>::WORDS && x + k < width; ++k) levels[k] = level_at(x + k, y);
+        UNROLL_ON_CUDA
+        for (int k = 0; k < PixelWords<Numbers>::WORDS && x + k < width; ++k)
+            levels[k] = words ? listed_level_at(x + k, y) : level_at(x + k, y);
+    }
+    inline int listed_level_at(int x, int y) const {
+        const int place = y * width + x;
+        for (unsigned word = words[place]; word; word &= word - 1) {
+            const auto& offset = nearest.data[ListedDot::first_bit(word)];
+            if (const int level = detected[place + offset[1] * width + offset[0]]) return level;
+        }
+        return 0;
     }
     inline int level_at(int x, int y) const {
         for (int i = 0; i < nearest.shape[0]; ++i) {
@@ -192,7 +262,7 @@ struct NearestDots {
 };
 
 // Depth of the nearest detected dots, as quantized disparity with noise.
-template <class Numbers, class Model, class Levels, class Offsets, class Normals>
+template <class Numbers, class Model, class Levels, class Offsets, class Words>
 struct DotFill {
     typedef typename Numbers::Real Real;
     typedef typename Numbers::Whole Whole;
@@ -200,18 +270,20 @@ struct DotFill {
     const Model& model;
     const Levels& detected;
     const Offsets& nearest;
-    const Normals& normals;
+    const Words& words;
 
     inline void measure(int x) const {
-        const NearestDots<Numbers, Offsets> dots = {row.width, row.height, detected.data + row.first, nearest};
+        const NearestDots<Numbers, Offsets> dots = {row.width, row.height, detected.data + row.first, nearest,
+                                                    words.data};
+        const PixelNormals<Numbers> normals = row.draw_normals(STREAM_DISPARITY, x);
         Whole levels[PixelWords<Numbers>::WORDS];
         dots.find(x, row.y, levels);
-        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, levels[k]);
+        UNROLL_ON_CUDA
+        for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, levels[k], normals.block[k]);
     }
-    inline void measure_pixels(int x, Whole level) const {
+    inline void measure_pixels(int x, Whole level, Real normal) const {
         const Whole has_level = level > 0;
         const Real endless = Numbers::real(Numbers::endless()), none = Numbers::real(Numbers::no_number());
-        const Real normal = Numbers::load(normals.data + row.place(x), row.count(x));
         const Real units =
             Numbers::round(model.disparity_scale / (Numbers::to_real(level) / DISPARITY_LEVELS) * model.units);
         const Real steps = Numbers::round(STEPS_AT_UNIT / units + model.sigma * normal + 0.5f);

@@ -88,6 +88,33 @@ struct Stereo {
         depth = empty ? endless : depth;
     }
 
+#if defined(__CUDA_ARCH__)
+    // The same for the pixels of a thread, whose windows overlap.
+    inline void find_supports(int x, float* supports) const {
+        if (!model.window || model.window > (int)DepthStrip::REACH) {
+#pragma unroll
+            for (int k = 0; k < RANDOM_WORDS; ++k)
+                supports[k] = model.window && x + k < row.width ? support(x + k) : 1.0f;
+            return;
+        }
+        const DepthStrip strip = DepthStrip::of(row, x);
+        float in_row[RANDOM_WORDS] = {}, in_column[RANDOM_WORDS] = {};
+#pragma unroll
+        for (int lag = -DepthStrip::REACH; lag <= (int)DepthStrip::REACH; ++lag) {
+            if (lag < -model.window || lag > model.window) continue;
+#pragma unroll
+            for (int k = 0; k < RANDOM_WORDS; ++k) count(strip.at(k, 0), strip.at(k, lag), in_row[k]);
+            if (row.y + lag < 0 || row.y + lag >= row.height) continue;
+            float depths[RANDOM_WORDS];
+            DepthStrip::load(row.depth + row.place(x) + (long long)lag * row.width, row.count(x), depths);
+#pragma unroll
+            for (int k = 0; k < RANDOM_WORDS; ++k) count(strip.at(k, 0), depths[k], in_column[k]);
+        }
+#pragma unroll
+        for (int k = 0; k < RANDOM_WORDS; ++k)
+            supports[k] = (in_row[k] / columns_of_window(x + k)) * (in_column[k] / rows_of_window());
+    }
+#endif
     // Fraction of the window of each pixel that shows the pixel's surface.
     inline Real support(int x) const {
         if (is_even(x)) return Numbers::real(1.0f);
@@ -202,9 +229,19 @@ struct Stereo {
         bool has_chance = false;
         if (white) noise = row.draw_normals(STREAM_DISPARITY, x);
         const int first = x;
+#if defined(__CUDA_ARCH__)
+        float supports[RANDOM_WORDS];
+        find_supports(x, supports);
+#endif
+        UNROLL_ON_CUDA
         for (int k = 0; row.has_word(first, k); ++k, x += Numbers::PIXELS) {
             if (empty(x)) continue;
             Pixel pixel = load_pixel(x);
+#if defined(__CUDA_ARCH__)
+            pixel.support = supports[k];
+#else
+            pixel.support = model.window ? support(x) : Numbers::real(1.0f);
+#endif
             if (white) pixel.noise = noise.block[k];
             if (by_chance(x, pixel)) {
                 const bool clumps = model.holes.nodes.data;
@@ -243,7 +280,6 @@ struct Stereo {
         pixel.far_depth = pixel.depth - (float)eye.place[2];  // it may be in front of the first eye, due to rounding
         pixel.other_depth = other_depth ? Numbers::load(other_depth + row.place(x), row.count(x)) : endless;
         pixel.column = Numbers::columns(x) + 0.5f;
-        pixel.support = model.window ? support(x) : one;
         pixel.cosine = one;
         pixel.noise = model.noise.nodes.data ? interpolated(model.noise, x) : none;
         pixel.chance = none;
@@ -263,9 +299,41 @@ struct OtherPoints {
     const Limits& limits;
 
     inline void measure(int x) const {
-        for (int k = 0; row.has_word(x, k); ++k) project(x + k * Numbers::PIXELS);
+        PointStore stored = {(float*)points.data + row.place(x) * 2, row.count(x)};
+        UNROLL_ON_CUDA
+        for (int k = 0; row.has_word(x, k); ++k) project(x + k * Numbers::PIXELS, k, stored);
+        stored.flush();
     }
-    inline void project(int x) const {
+#if defined(__CUDA_ARCH__)
+    // Points of a thread, which are stored in pairs.
+    struct PointStore {
+        float* to;
+        int count;
+        float values[2 * RANDOM_WORDS];
+
+        inline void put(int k, float column, float line) { values[2 * k] = column, values[2 * k + 1] = line; }
+        inline void flush() const {
+#pragma unroll
+            for (int k = 0; k < 2 * RANDOM_WORDS; k += RANDOM_WORDS) {
+                GroupStore<Numbers, float> half = {to + k, 2 * count - k};
+#pragma unroll
+                for (int i = 0; i < RANDOM_WORDS; ++i) half.put(i, values[k + i]);
+                half.flush();
+            }
+        }
+    };
+#else
+    struct PointStore {
+        float* to;
+        int count;
+
+        inline void put(int k, Real column, Real line) const {
+            Numbers::store_pairs(to + 2 * k * Numbers::PIXELS, column, line, count - k * Numbers::PIXELS);
+        }
+        inline void flush() const {}
+    };
+#endif
+    inline void project(int x, int k, PointStore& stored) const {
         const float place[3] = {(float)eye.place[0], (float)eye.place[1], (float)eye.place[2]};
         const Real depth = row.exact(x), across = Numbers::load(model.column_slopes.data + x, row.count(x));
         const Real nearness = 1.0f / (depth - place[2]);
@@ -276,8 +344,7 @@ struct OtherPoints {
         const Whole is_inside =
             (depth >= model.min_depth) & (depth < Numbers::endless()) & (column >= 0.0f) & (column < model.other_width);
         const Real none = Numbers::real(Numbers::no_number());
-        Numbers::store_pairs((float*)points.data + row.place(x) * 2, is_inside ? column : none,
-                             is_inside ? inside(pixel_row) : none, row.count(x));
+        stored.put(k, is_inside ? column : none, is_inside ? inside(pixel_row) : none);
         if (limits.data) Numbers::store(limits.data + row.place(x), limit(nearness), row.count(x));
     }
     // Inverse depths beyond which no surface hides a point, by half of the tolerance, and less than rounding.

@@ -4,7 +4,7 @@
 // Sub-rays of pixels at edges, and their mixed light: `mixing` of `warpvis.sensors.TimeOfFlight`.
 //
 // A map has tiles of 16 columns and rows, side by side. A tile belongs to 16 pixels in row-major order, each with a
-// block of 4 x 4 sub-rays.
+// block of 4 x 4 sub-rays. A list, of one row, has the sub-rays of one pixel after the other.
 
 #pragma once
 
@@ -14,17 +14,28 @@ enum { SUB_RAYS = BLOCK_SIDE * BLOCK_SIDE };  // of a pixel; as many pixels shar
 
 // What sub-rays of a view show, from the first one of a tile on; `segmentation` is null if it is not used.
 struct SubRayMap {
-    int stride;  // width of the map
+    bool is_list;
+    int stride;  // distance of the rows of a pixel's sub-rays
     const float* depth;
     const float* normals;
     const int* segmentation;
 
     template <class Depth, class Normals, class Objects>
     static inline SubRayMap of(const Depth& depth, const Normals& normals, const Objects& objects, int view, int tile) {
-        const int stride = depth.shape[2];
-        const long long first = (long long)view * depth.shape[1] * stride + tile * SUB_RAYS;
-        return SubRayMap{stride, depth.data + first, (const float*)(normals.data + first),
-                         objects.data ? objects.data + first : nullptr};
+        const bool is_list = depth.shape[1] == 1;
+        const int width = depth.shape[2];
+        const long long first =
+            (long long)view * depth.shape[1] * width + (long long)tile * SUB_RAYS * (is_list ? SUB_RAYS : 1);
+        return SubRayMap{is_list, is_list ? (int)BLOCK_SIDE : width, depth.data + first,
+                         (const float*)(normals.data + first), objects.data ? objects.data + first : nullptr};
+    }
+    // Place of the first sub-ray of pixels of the tile.
+    template <class Whole>
+    inline Whole corner(Whole in_tile) const {
+        const int side = BLOCK_SIDE, rays = SUB_RAYS;
+        const Whole row = in_tile / side;
+        if (is_list) return rays * in_tile;
+        return side * (row * stride + (in_tile - side * row));
     }
 };
 
@@ -165,20 +176,15 @@ struct FlightMix {
     }
 };
 
-// Write the mixed light of a thread's pixels of a tile: all of them on a CPU.
+// Write the mixed light of a thread's pixels of a tile, of which `count` remain: all of them on a CPU.
 template <class Model, class Inputs, class Axes, class Mix>
 inline void mix_sub_rays(const Model& model, const Inputs& inputs, const Axes& axes, const SubRayMap& map,
-                         const int* pixels, int index, Mix* mixes) {
+                         const int* pixels, int count, int index, Mix* mixes) {
     typedef FlightMix<PixelNumbers, Model, Inputs, Axes> Mixed;
-    const int side = BLOCK_SIDE;
-    for_pixels<PixelNumbers>(SUB_RAYS, index, [&](int first) {
-        const auto in_tile = PixelNumbers::indices(first), row = in_tile / side;
-        const Mixed mixed = {model,
-                             inputs,
-                             axes,
-                             map,
-                             PixelNumbers::load(pixels + first, PixelNumbers::PIXELS),
-                             side * (row * map.stride + (in_tile - side * row))};
+    for_groups<PixelNumbers::PIXELS>(count < SUB_RAYS ? count : (int)SUB_RAYS, index, [&](int first) {
+        const auto in_tile = PixelNumbers::indices(first), found = PixelNumbers::load(pixels + first, count - first);
+        const auto numbers = in_tile < count ? found : PixelNumbers::whole(-1);
+        const Mixed mixed = {model, inputs, axes, map, numbers, map.corner(in_tile)};
         mixed.write(mixes + first);
     });
 }

@@ -114,6 +114,7 @@ struct Flight {
     inline void measure(int x) const {
         PixelNormals<Numbers> normals;
         if (model.noise_scale > 0.0f) normals = row.draw_normals(STREAM_RANGE, x);
+        UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k) measure_pixels(x + k * Numbers::PIXELS, normals.block[k]);
     }
     inline void measure_pixels(int x, Real normal) const {
@@ -134,7 +135,7 @@ struct Flight {
         if (model.noise_scale > 0.0f) found = found + Numbers::wide(noise);
         // Most ranges do not overflow: the quotient's floor is 0.
         const Double sum = far + found;
-        if (Numbers::PIXELS > 1 && Numbers::all_between(sum, 0.0, model.unambiguous)) return found;
+        if (Numbers::all_between(sum, 0.0, model.unambiguous)) return found;
         return found - Numbers::floor(sum / model.unambiguous) * model.unambiguous;
     }
     // Reason why the light yields no range, if any.
@@ -175,10 +176,14 @@ struct FlightEdges {
 
     // Write the row-major indices of such pixels, of those of a thread from x on, and -1 for others.
     inline void measure(int x) const {
-        for (int k = 0; k < PixelWords<Numbers>::WORDS && x < row.width; ++k, x += Numbers::PIXELS) {
-            const Whole places = Numbers::indices(row.y * row.width + x);
-            Numbers::store(edges.data + row.place(x), is_edge(x) ? places : Numbers::whole(-1), row.count(x));
+        GroupStore<Numbers, int> stored = {edges.data + row.place(x), row.count(x)};
+        UNROLL_ON_CUDA
+        for (int k = 0; row.has_word(x, k); ++k) {
+            const int column = x + k * Numbers::PIXELS;
+            const Whole places = Numbers::indices(row.y * row.width + column);
+            stored.put(k, is_edge(column) ? places : Numbers::whole(-1));
         }
+        stored.flush();
     }
     inline Whole is_edge(int x) const {
         const bool inner = x > 0 && x + Numbers::PIXELS < row.width && row.y > 0 && row.y + 1 < row.height;

@@ -90,7 +90,7 @@ class CastOptions:
 class ViewBatch:
     """The checked views of one call."""
 
-    __slots__ = ("_device_poses", "appearances", "count", "limits", "numbers", "pixels", "poses", "worlds")
+    __slots__ = ("_device_poses", "appearances", "count", "limits", "numbers", "pixels", "poses", "used", "worlds")
 
     def __init__(
         self,
@@ -99,6 +99,7 @@ class ViewBatch:
         *,
         pixels: wp.array | None = None,
         limits: wp.array | None = None,
+        used: wp.array | None = None,
         numbers: NDArray[np.int64] | None = None,
         appearances: DeviceAppearances | None = None,
     ) -> None:
@@ -111,25 +112,25 @@ class ViewBatch:
                 is also the shape of the images; Y is 1 for lists.
             limits: Inverse depths at `pixels` beyond which surfaces are not needed [1/m], ``(V, Y, X)``: a caster may
                 write the limit's depth instead. None for no limits.
+            used: Number of points of each view whose images are needed, the first ones, ``(V,)`` int32. None for all.
             numbers: Number and frame of each view, which seed the random numbers of a sensor, shape ``(V, 2)``.
             appearances: Appearances of worlds; None if all have the scene's.
         """
         self.poses, self.worlds, self.pixels, self.numbers = poses, worlds, pixels, numbers
-        self.appearances, self.limits = appearances, limits
+        self.appearances, self.limits, self.used = appearances, limits, used
         self.count = len(poses)
         self._device_poses: wp.array | None = poses if isinstance(poses, wp.array) else None
 
     def part(self, part: slice) -> ViewBatch:
         """Return a slice of the views."""
-        arrays = self.pixels, self.limits, self.numbers
-        pixels, limits, numbers = (None if array is None else array[part] for array in arrays)
+        names = "pixels", "limits", "used", "numbers"
+        arrays = {name: getattr(self, name) for name in names}
+        parts = {name: None if array is None else array[part] for name, array in arrays.items()}
         appearances = self.appearances
         if appearances is not None and self.worlds.world is None:
             appearances = appearances.rows(part)
         worlds = part_of(self.worlds, part)
-        return ViewBatch(
-            self.poses[part], worlds, pixels=pixels, limits=limits, numbers=numbers, appearances=appearances
-        )
+        return ViewBatch(self.poses[part], worlds, **parts, appearances=appearances)
 
     def poses_on(self, device: wp.Device) -> wp.array:
         """Return the poses on a device, transforms of shape ``(V,)``."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -26,7 +26,7 @@ from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
 
 if TYPE_CHECKING:
-    from warpvis.kernels.casting.motions import Motion as MotionStruct
+    from warpvis.kernels.casting.motions import Motion as MotionStruct, TimedRays
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class MovingCaster(RaysCaster):
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without device arrays."""
-        return {name: value for name, value in self.__dict__.items() if name not in ("_rays", "_origins", "_times")}
+        return {name: value for name, value in self.__dict__.items() if name != "_rays"}
 
     def parse(
         self,
@@ -146,7 +146,7 @@ class MovingCaster(RaysCaster):
     ) -> None:
         triangles = self._scene.triangles(faces="faces" in images).struct
         camera = self._camera.ray_range(clip_near=self._options.clip_near)
-        rays = [self._rays, self._origins, self._times, *bits, self._options.cull_backfaces, images_struct(images)]
+        rays = [self._rays, *bits, self._options.cull_backfaces, images_struct(images)]
         launch_images(
             kernel,
             (views.count, *self._image),
@@ -159,15 +159,15 @@ class MovingCaster(RaysCaster):
         """Write the cosine of incidence of every ray, times the length of the camera's ray."""
         from warpvis.kernels.casting.moving_rays import measure_moving_incidence
 
-        self._launch_motion(measure_moving_incidence, views, [self._rays, self._times, normals, out])
+        self._launch_motion(measure_moving_incidence, views, [self._rays.directions, self._rays.times, normals, out])
 
     def back_project(self, views: ViewBatch, depth: wp.array, points: wp.array) -> None:
         """Write the world points of depths along rays, each at its time."""
         from warpvis.kernels.casting.moving_rays import back_project_moving
 
-        self._launch_motion(back_project_moving, views, [self._rays, self._origins, self._times, depth, points])
+        self._launch_motion(back_project_moving, views, [self._rays, depth, points])
 
-    def _launch_motion(self, kernel: wp.Kernel, views: ViewBatch, inputs: list[wp.array | None]) -> None:
+    def _launch_motion(self, kernel: wp.Kernel, views: ViewBatch, inputs: list[Any]) -> None:
         sensor, shape = views.poses.sensor, (views.count, *self._image)
         launch_images(
             kernel,
@@ -186,19 +186,16 @@ class MovingCaster(RaysCaster):
         return _struct_of(parse_moving_poses(self._scene, motion), motion)
 
     @cached_property
-    def _rays(self) -> wp.array:
-        return rays_on_device(self._camera, self._scene.device)
+    def _rays(self) -> TimedRays:
+        from warpvis.kernels.casting.motions import TimedRays
 
-    @cached_property
-    def _origins(self) -> wp.array | None:
-        return None if self._camera.origins is None else rays_on_device(self._camera, self._scene.device, "origins")
-
-    @cached_property
-    def _times(self) -> wp.array | None:
-        times = self._camera.times
-        if times is None:
-            return None
-        return wp.array(times.reshape(self._image), dtype=wp.float64, device=self._scene.device)
+        camera, device, rays = self._camera, self._scene.device, TimedRays()
+        rays.directions = rays_on_device(camera, device)
+        if camera.origins is not None:
+            rays.origins = rays_on_device(camera, device, "origins")
+        if camera.times is not None:
+            rays.times = wp.array(camera.times.reshape(self._image), dtype=wp.float64, device=device)
+        return rays
 
     @property
     def _image(self) -> tuple[int, int]:

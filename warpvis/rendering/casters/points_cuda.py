@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 _MIN_POINTS = 1 << 15
 # Pairs of the number of points in a packet and the number of such packets per multiprocessor from which it is used.
 _PACKETS = ((256, 24), (64, 0))
+# Packets have the size for one in this many points if the host does not know how many are used.
+_MIN_USED = 16
+# Number of warps for points whose number the host does not know, per multiprocessor: enough that they end together.
+_WARPS_PER_PROCESSOR = 256
 # Maximum number of points sorted at a time: 4 bytes each, plus at most half as much for cells.
 _MAX_POINTS = 1 << 26
 # Maximum size of blocks of points in rows, relative to that of evenly spaced points.
@@ -64,13 +68,17 @@ def cast_point_packets(
 
 def _cast(scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatch, images: ImagesByName) -> None:
     assert views.pixels is not None
-    pixels, worlds, clip = views.pixels.contiguous(), views.worlds, options.clip_near
+    pixels, worlds, clip = views.pixels, views.worlds, options.clip_near
     moving = scene.drawn_count > 0
-    lists = list_points(pixels, camera)
-    size = packet_size(pixels.size, pixels.device.sm_count)
+    lists = lists_of(views, camera)
+    processors = pixels.device.sm_count
+    size = packet_size(pixels.size if views.used is None else pixels.size // _MIN_USED, processors)
+    packets = packet_count(lists, size)
+    if views.used is not None:
+        packets = lists.step = min(packets, -(-_WARPS_PER_PROCESSOR * processors // views.count))
     launch(
         _kernel(size, needs_ids(images), moving, clip, moving and worlds.object_sizes is not None),
-        (packet_count(lists, size), views.count, 1, CUDA_LANES),
+        (packets, views.count, 1, CUDA_LANES),
         [
             scene,
             camera.device_struct(clip_near=clip),
@@ -94,10 +102,26 @@ def packet_size(points: int, processors: int) -> int:
 def packet_count(lists: PointLists, size: int) -> int:
     """Return the number of packets of `size` points per view, enough for points in rows and for sorted points."""
     count = lists.pixels.shape[1]
+    if lists.used is not None:
+        return -(-count // size)
     side = math.isqrt(size)
     rows = count // max(1, lists.columns)
     squares = -(-lists.columns // side) * -(-rows // side)
     return max(squares, -(-count // size))
+
+
+def lists_of(views: ViewBatch, camera: Camera) -> PointLists:
+    """Return the lists of points that packets read: in the order of `views.used` if it is given."""
+    from warpvis.kernels.casting.point_order import PointLists
+
+    assert views.pixels is not None
+    pixels = views.pixels.contiguous()
+    if views.used is None:
+        lists = list_points(pixels, camera)
+    else:
+        lists = PointLists()
+        lists.pixels, lists.used = pixels.reshape((pixels.shape[0], -1)), views.used
+    return lists
 
 
 def list_points(pixels: wp.array, camera: Camera) -> PointLists:

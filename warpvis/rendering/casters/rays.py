@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.rays import RayCamera
 from warpvis.core.arrays import on_gpu
+from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import Convention, check_convention, host_poses, parse_poses
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
@@ -49,8 +50,12 @@ class RaysCaster:
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views."""
+        from warpvis.kernels.casting.point_order import clear_unused
         from warpvis.kernels.casting.rays import cast_rays
 
+        if views.used is not None and views.pixels is not None:
+            points = views.pixels.reshape((views.count, -1))
+            launch(clear_unused, points.shape, [views.used, points], self._scene.device)
         self._launch(cast_rays, [views.pixels], views, images)
 
     def _launch(

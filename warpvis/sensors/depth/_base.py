@@ -25,6 +25,9 @@ from warpvis.sensors._echoes import Reflectivity, reflectivities
 if TYPE_CHECKING:
     from warpvis.kernels.sensors.noise import MeasuredImages, SensorInputs
 
+RANDOM_WORDS = 4
+"""Number of pixels that share random words (``native/shared/random.h``): on a GPU, a thread processes that many."""
+
 
 class Reason(enum.IntEnum):
     """Why a pixel has no depth: the first condition that is true, in the order of the sensor model."""
@@ -118,9 +121,16 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     camera = exposure.camera
     inputs: Any = SensorInputs()
     inputs.seed = exposure.seed
-    on_cpu = isinstance(camera, Camera) and exposure.scene.device.is_cpu
+    slopes = (None, None)
+    if isinstance(camera, Camera):
+        device = str(exposure.scene.device)
+        slopes = (
+            _slopes(camera.width, camera.fx, camera.cx, device),
+            _slopes(camera.height, camera.fy, camera.cy, device),
+        )
     fields = {
-        "column_slopes": _column_slopes(camera.width, camera.fx, camera.cx) if on_cpu else None,
+        "column_slopes": slopes[0],
+        "row_slopes": slopes[1],
         "camera": camera.device_struct() if isinstance(camera, Camera) else exposure.image_range,
         "true_depth": exposure.true_depth,
         "draws": exposure.draws,
@@ -132,9 +142,9 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
 
 
 @lru_cache(maxsize=64)
-def _column_slopes(width: int, fx: float, cx: float) -> wp.array:
-    """Return x of the rays of columns for z = 1, on the CPU."""
-    return wp.array((np.arange(width) + 0.5 - cx) / fx, dtype=wp.float64, device="cpu")
+def _slopes(count: int, focal_length: float, center: float, device: str) -> wp.array:
+    """Return x of the rays of columns, or y of the rays of rows, for z = 1."""
+    return wp.array((np.arange(count) + 0.5 - center) / focal_length, dtype=wp.float64, device=device)
 
 
 def kernel_images(exposure: Exposure) -> MeasuredImages:
@@ -156,7 +166,7 @@ def draw_normal_image(
 
     normals = exposure.scratch(name, shape or exposure.true_depth.shape, wp.float32)
     inputs = exposure.draws, wp.uint32(exposure.seed), wp.uint32(stream), normals
-    exposure.launch(draw_normals, *inputs, shape=normals.shape, rows=True)
+    exposure.launch(draw_normals, *inputs, shape=normals.shape, rows=RANDOM_WORDS)
     return normals
 
 

@@ -18,7 +18,7 @@ from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.scene import Scene
-from warpvis.sensors.depth._base import kernel_images, kernel_inputs
+from warpvis.sensors.depth._base import RANDOM_WORDS, kernel_images, kernel_inputs
 
 _MAX_RECTANGLES, _MAX_SIDE = 256, 2**20
 
@@ -108,7 +108,7 @@ class Corruptions(DepthSensor):
             rectangles = exposure.scratch("rectangles", (len(exposure.poses), model.max_count), wp.vec4i)
             launch(place_rectangles, rectangles.shape, [model, inputs, rectangles], exposure.scene.device)
             model.rectangles = rectangles
-        exposure.launch(corrupt_depth, model, inputs, kernel_images(exposure), rows=True)
+        exposure.launch(corrupt_depth, model, inputs, kernel_images(exposure), rows=RANDOM_WORDS)
 
 
 def _check_limits(value: object, name: str, minimum: int, maximum: int) -> tuple[int, int]:

@@ -23,13 +23,12 @@ from warpvis.core.checks import as_path, check_angle, check_flag, check_number, 
 from warpvis.core.numpy_files import read_array
 from warpvis.core.types import ArrayInput
 from warpvis.errors import ArrayError, FileFormatError
-from warpvis.kernels.constants import STREAM_ACROSS, STREAM_DISPARITY, STREAM_DOWN
 from warpvis.rendering import DepthSensor, Exposure, TakesLens
 from warpvis.sensors.depth._base import (
+    RANDOM_WORDS,
     ByValue,
     check_positive,
     closest_first,
-    draw_normal_image,
     kernel_images,
     kernel_inputs,
 )
@@ -92,7 +91,7 @@ class NguyenNoise(DepthSensor):
         for name in self.__dataclass_fields__:
             setattr(model, name, getattr(self, name))
         inputs = model, kernel_inputs(exposure), kernel_images(exposure)
-        exposure.launch(measure_nguyen, *inputs, cameras=[exposure.poses], rows=True)
+        exposure.launch(measure_nguyen, *inputs, cameras=[exposure.poses], rows=RANDOM_WORDS)
 
 
 @dataclass(frozen=True)
@@ -131,9 +130,18 @@ class KhoshelhamNoise(DepthSensor):
 
         model = KhoshelhamModel()
         model.step, model.sigma, model.rounds = self.step, self.sigma, int(self.rounds)
-        exposure.launch(measure_khoshelham, model, kernel_inputs(exposure), kernel_images(exposure), rows=True)
+        exposure.launch(measure_khoshelham, model, kernel_inputs(exposure), kernel_images(exposure), rows=RANDOM_WORDS)
 
 
+# Constants of the Redwood simulator, with the names of `RedwoodModel`.
+_REDWOOD = {
+    "jitter": 0.25,
+    "farthest": 10.0,
+    "disparity_scale": 35.130,
+    "disparity_sigma": 0.027778,
+    "levels": 8.0,
+    "min_factor": 1e-5,
+}
 _TABLE = (80, 80, 5)
 # The distortion file: number of header lines, of numbers before the first cell, and of numbers per cell; offset of the
 # five factors in a cell; minimum count of samples: cells with fewer samples in all five bins have no factors.
@@ -145,7 +153,7 @@ _CELL, _CELLS = 3, 96
 # Half the side of the window plus the margin that simkinect skips at the end [px].
 _MIN_PATTERN = 10
 _PATTERN_KEY = 0x5EED
-_FILL_REACH = 3
+_FILL_REACH, _DOT_REACH = 3, 4  # of a dot that fills pixels, and of the window of a dot [px]
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,17 +181,10 @@ class RedwoodNoise(ByValue, DepthSensor):
         check_number(self.multiplier, "multiplier", minimum=0.0)
         object.__setattr__(self, "distortion", _read_table(self.distortion))
 
-    @property
-    def bytes_per_pixel(self) -> int:
-        """Scratch memory per pixel [B]."""
-        return 12
-
     def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
         """Return the standard deviation without the distortion of the table."""
-        from warpvis.kernels.sensors.redwood import DISPARITY_SCALE, DISPARITY_SIGMA, LEVELS
-
-        sigma = math.sqrt((DISPARITY_SIGMA * self.multiplier) ** 2 + 1 / (12 * LEVELS**2))
-        return as_floats(depth, "depth") ** 2 * (sigma / DISPARITY_SCALE)
+        sigma = math.sqrt((_REDWOOD["disparity_sigma"] * self.multiplier) ** 2 + 1 / (12 * _REDWOOD["levels"] ** 2))
+        return as_floats(depth, "depth") ** 2 * (sigma / _REDWOOD["disparity_scale"])
 
     def measure(self, exposure: Exposure) -> None:
         """Write the depth and reasons of the sensor."""
@@ -191,10 +192,16 @@ class RedwoodNoise(ByValue, DepthSensor):
 
         model = RedwoodModel()
         model.multiplier = self.multiplier
-        table = wp.array(self.distortion, dtype=wp.float32, device=exposure.scene.device)
-        streams = {"across": STREAM_ACROSS, "down": STREAM_DOWN, "disparity": STREAM_DISPARITY}
-        normals = [draw_normal_image(exposure, stream, name) for name, stream in streams.items()]
-        exposure.launch(measure_redwood, model, table, kernel_inputs(exposure), *normals, kernel_images(exposure))
+        for name, value in _REDWOOD.items():
+            setattr(model, name, value)
+        table = _table_on(self, str(exposure.scene.device))
+        inputs = kernel_inputs(exposure), kernel_images(exposure)
+        exposure.launch(measure_redwood, model, table, *inputs, rows=RANDOM_WORDS)
+
+
+@lru_cache(maxsize=16)
+def _table_on(sensor: RedwoodNoise, device: str) -> wp.array:
+    return wp.array(sensor.distortion, dtype=wp.float32, device=device)
 
 
 def _read_table(value: object) -> NDArray[np.float32]:
@@ -287,7 +294,7 @@ class SimKinect(ByValue, DepthSensor):
     @property
     def bytes_per_pixel(self) -> int:
         """Scratch memory per pixel [B]."""
-        return 16
+        return 8
 
     def depth_sigma(self, depth: ArrayLike, camera: Camera) -> NDArray[np.float64]:
         """Return the root mean square error of both roundings and of the noise, with the bias of half a step."""
@@ -306,31 +313,72 @@ class SimKinect(ByValue, DepthSensor):
         model = SimKinectModel()
         model.disparity_scale = (lens.fx if self.focal_length is None else self.focal_length) * self.baseline
         model.shift, model.units, model.sigma = self.shift, self.units, self.sigma
-        if self.pattern is None:
-            dots = _pattern_on(lens.height, lens.width, str(device))
-        else:
-            dots = wp.array(self.pattern, dtype=wp.uint8, device=device)
-        nearest = _nearest_on(str(device))
+        dots = _lay_out_dots(self, lens.height, lens.width, str(device), listed=device.is_cuda)
         levels, detected = (exposure.scratch(name, shape, wp.int32) for name in ("levels", "kept"))
-
-        across = draw_normal_image(exposure, STREAM_ACROSS, "across")
-        down = draw_normal_image(exposure, STREAM_DOWN, "down")
-        exposure.launch(shift_to_levels, model, exposure.true_depth, across, down, levels, rows=True)
-        exposure.launch(detect_dots, dots, levels, detected, rows=True)
-        noise = draw_normal_image(exposure, STREAM_DISPARITY, "across")
         inputs, images = kernel_inputs(exposure), kernel_images(exposure)
-        exposure.launch(fill_from_dots, model, inputs, detected, nearest, noise, images, rows=True)
+        exposure.launch(shift_to_levels, model, inputs, levels, rows=RANDOM_WORDS)
+        if dots.pixels is None:
+            exposure.launch(detect_dots, dots.pattern, None, None, levels, detected, rows=1)
+        else:
+            detected.zero_()
+            listed = (shape[0], 1, len(dots.pixels))
+            exposure.launch(detect_dots, dots.pattern, dots.pixels, dots.windows, levels, detected, shape=listed)
+        arguments = model, inputs, detected, dots.nearest, dots.near, images
+        exposure.launch(fill_from_dots, *arguments, rows=RANDOM_WORDS)
 
 
-@lru_cache(maxsize=64)
-def _pattern_on(height: int, width: int, device: str) -> wp.array:
-    return wp.array(make_pattern(height, width), dtype=wp.uint8, device=device)
+@dataclass(frozen=True)
+class _Dots:
+    """A pattern on a device and, if dots are listed, which is faster on a GPU, where they are."""
+
+    pattern: wp.array
+    nearest: wp.array
+    """Offsets (column, row) to the pixels that a dot may fill, by increasing distance."""
+    pixels: wp.array | None = None
+    """Row-major pixels of dots that may be detected."""
+    windows: wp.array | None = None
+    """Bits of the dots in the window of each: three rows of pixels in each of three words."""
+    near: wp.array | None = None
+    """Bits of the offsets of `nearest` at which a pixel has a dot, ``(H, W)``."""
 
 
-@lru_cache(maxsize=64)
-def _nearest_on(device: str) -> wp.array:
-    """Return offsets to the pixels from which a pixel gets its dot, (column, row), by increasing distance."""
-    return wp.array(closest_first(_FILL_REACH, _FILL_REACH**2), dtype=wp.vec2i, device=device)
+@lru_cache(maxsize=16)
+def _lay_out_dots(sensor: SimKinect, height: int, width: int, device: str, *, listed: bool) -> _Dots:
+    pattern = make_pattern(height, width) if sensor.pattern is None else sensor.pattern
+    offsets = closest_first(_FILL_REACH, _FILL_REACH**2)
+    on_device = wp.array(pattern, dtype=wp.uint8, device=device)
+    nearest = wp.array(offsets, dtype=wp.vec2i, device=device)
+    if not listed:
+        return _Dots(on_device, nearest)
+    pixels, windows, near = _list_dots(pattern, offsets, height, width)
+    return _Dots(
+        on_device,
+        nearest,
+        wp.array(pixels, dtype=wp.int32, device=device),
+        wp.array(windows, dtype=wp.vec3ui, device=device),
+        wp.array(near, dtype=wp.uint32, device=device),
+    )
+
+
+def _list_dots(
+    pattern: NDArray[np.uint8], offsets: NDArray[np.int32], height: int, width: int
+) -> tuple[NDArray[np.int32], NDArray[np.uint32], NDArray[np.uint32]]:
+    """Return the arrays of `_Dots`."""
+    reach = _DOT_REACH
+    rows, columns = min(height, len(pattern)), min(width, pattern.shape[1])
+    is_dot = np.zeros((height, width), dtype=bool)  # with a whole window
+    inner = np.s_[reach : max(rows - reach - 1, reach), reach : max(columns - reach - 1, reach)]
+    is_dot[inner] = pattern[inner] > 0
+    y, x = np.nonzero(is_dot)
+    side = np.arange(-reach, reach + 1)
+    lit = pattern[y[:, None, None] + side[:, None], x[:, None, None] + side] > 0
+    bits = np.left_shift(np.uint32(1), np.arange(27, dtype=np.uint32))
+    windows = (lit.reshape(-1, 3, 27) * bits).sum(axis=-1, dtype=np.uint32)
+    padded = np.pad(is_dot, _FILL_REACH)
+    near = np.zeros((height, width), dtype=np.uint32)
+    for bit, (column, row) in enumerate(offsets + _FILL_REACH):
+        near |= padded[row : row + height, column : column + width].astype(np.uint32) << np.uint32(bit)
+    return (y * width + x).astype(np.int32), windows, near
 
 
 def make_pattern(height: int, width: int) -> NDArray[np.uint8]:

@@ -24,6 +24,7 @@ from warpvis.kernels.constants import STREAM_DISPARITY, STREAM_DROPOUT
 from warpvis.rendering import Exposure
 from warpvis.scene import Scene
 from warpvis.sensors.depth._base import (
+    RANDOM_WORDS,
     Device,
     check_positive,
     draw_normal_image,
@@ -250,9 +251,9 @@ class StereoDepth(Device):
             limits = None
             if device.is_cpu and exposure.clip_near == 0.0:
                 limits = exposure.scratch("limits", points.shape, wp.float32)
-            exposure.launch(place_in_other_eyes, model, inputs, points, limits, cameras=[eyes], rows=True)
+            exposure.launch(place_in_other_eyes, model, inputs, points, limits, cameras=[eyes], rows=RANDOM_WORDS)
             model.other_depth = exposure.cast_at(other, other_poses, points, limits)
-        exposure.launch(measure_stereo, model, inputs, kernel_images(exposure), cameras=[eyes], rows=True)
+        exposure.launch(measure_stereo, model, inputs, kernel_images(exposure), cameras=[eyes], rows=RANDOM_WORDS)
 
     def _fatten(self, exposure: Exposure, inputs: SensorInputs) -> None:
         """Replace depth of the inputs, and the pixels of normals and objects, by those of nearer surfaces."""
@@ -264,7 +265,7 @@ class StereoDepth(Device):
             depth = exposure.scratch(f"depth fattened along {along}", exposure.true_depth.shape, wp.float32)
             shown = exposure.scratch(f"pixels along {along}", depth.shape, wp.int32) if self.needs else None
             model.along_columns = along == "columns"
-            exposure.launch(fatten_surfaces, model, inputs, depth, shown, rows=True)
+            exposure.launch(fatten_surfaces, model, inputs, depth, shown, rows=RANDOM_WORDS)
             inputs.true_depth = depth
             if shown is not None:
                 inputs.shown = shown

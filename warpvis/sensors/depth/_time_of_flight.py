@@ -22,7 +22,7 @@ from warpvis.core.checks import as_items, check_angle, check_flag, check_number,
 from warpvis.core.kernel_cache import launch
 from warpvis.errors import ArrayError
 from warpvis.rendering import Exposure
-from warpvis.sensors.depth._base import Device, check_positive, kernel_images
+from warpvis.sensors.depth._base import RANDOM_WORDS, Device, check_positive, kernel_images
 
 if TYPE_CHECKING:
     from warpvis.kernels.sensors.noise import SensorInputs
@@ -35,8 +35,10 @@ _MAX_FREQUENCIES, _MAX_LAPS = 3, 1000
 # Sub-rays are processed in parts to limit memory. Parts are multiples of _TREE_PIXELS, the number of pixels per tree of
 # image points on the CPU, so that results do not depend on the batch.
 _TREE_PIXELS, _TILE_PIXELS, _SIDE = 640, 16, 4
-# Minimum size of a part on a GPU [px], so that sub-rays are always cast in packets.
-_GPU_PIXELS = 4 * _TREE_PIXELS
+# Minimum size of a part on a GPU [px], so that sub-rays are always cast in packets, and parts are few.
+_GPU_PIXELS = 8 * _TREE_PIXELS
+# Approximate number of threads for edge pixels whose number the host does not know.
+_GPU_THREADS = 1 << 19
 _PART_BYTES = 2**28
 
 
@@ -159,7 +161,7 @@ class TimeOfFlight(Device):
         if self.mixing:
             model.slots, model.mixes = self._mix(exposure, axes, model, inputs)
         images = kernel_images(exposure)
-        exposure.launch(measure_time_of_flight, model, inputs, images, cameras=[axes], rows=True)
+        exposure.launch(measure_time_of_flight, model, inputs, images, cameras=[axes], rows=RANDOM_WORDS)
 
     def _model(self) -> FlightModel:
         """Return the parameters as a struct for kernels, without the results of sub-rays."""
@@ -182,59 +184,86 @@ class TimeOfFlight(Device):
         self, exposure: Exposure, axes: wp.array, model: FlightModel, inputs: SensorInputs
     ) -> tuple[wp.array, wp.array]:
         """Return the slots of pixels at edges, -1 elsewhere, and the mixed signals of their sub-rays by slot."""
-        from warpvis.kernels.sensors.sub_rays import find_edges, place_sub_rays
+        from warpvis.kernels.sensors.sub_rays import find_edges, list_sub_rays, place_sub_rays
         from warpvis.kernels.sensors.time_of_flight import mix_sub_rays
 
-        views, _, width = exposure.true_depth.shape
+        (views, _, width), device = exposure.true_depth.shape, exposure.scene.device
         slots = exposure.scratch("edges", exposure.true_depth.shape, wp.int32)  # not negative at edges
-        exposure.launch(find_edges, inputs, self.edge_step, slots, cameras=[axes], rows=True)
-        pixels, part = _pixels_in_parts(slots, exposure.scene.device.is_cpu)
-        mixes = empty(pixels.shape, wp.vec4, name="mixes", device=exposure.scene.device)
+        exposure.launch(find_edges, inputs, self.edge_step, slots, cameras=[axes], rows=RANDOM_WORDS)
+        counts = used = None
+        if _counts_on_host(device):
+            pixels, part = _pixels_in_parts(slots)
+            points = exposure.scratch("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
+        else:
+            pixels, counts, part = _number_edges(exposure, slots)
+            points = exposure.scratch("sub-rays", (views, 1, part * _SIDE**2), wp.vec2)
+            used = exposure.scratch("number of sub-rays", (views,), wp.int32)
+        mixes = empty(pixels.shape, wp.vec4, name="mixes", device=device)
         ideal = dataclasses.replace(exposure.camera, near=exposure.clip_near, far=math.inf)
-        points = exposure.scratch("sub-rays", (views, _TILE_PIXELS, part), wp.vec2)
-        tiles = (views, part // _TILE_PIXELS, _TILE_PIXELS)
+        tiles = part // _TILE_PIXELS
+        if counts is not None:
+            tiles = min(tiles, -(-_GPU_THREADS // (views * _TILE_PIXELS)))
         for first in range(0, pixels.shape[1], part):
-            exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape, rows=True)
-            seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs))
+            if counts is None:
+                exposure.launch(place_sub_rays, pixels, first, width, points, shape=points.shape, rows=1)
+            else:
+                places = points.reshape((views, -1))
+                step = min(places.shape[1], -(-_GPU_THREADS // views))
+                launch(list_sub_rays, (views, step), [pixels, counts, first, width, step, places, used], device)
+            seen = exposure.cast_images_at(ideal, exposure.poses, points, ("depth", *self.needs), used)
             images = seen["depth"], seen["normals"], seen.get("segmentation")
-            arguments = model, inputs, pixels, *images, first, mixes
-            exposure.launch(mix_sub_rays, *arguments, cameras=[axes], shape=tiles, rows=True)
+            arguments = model, inputs, pixels, counts, *images, first, tiles, mixes
+            exposure.launch(mix_sub_rays, *arguments, cameras=[axes], shape=(views, tiles, _TILE_PIXELS), rows=1)
         return slots, mixes
 
 
-def _pixels_in_parts(slots: wp.array, counted: bool) -> tuple[wp.array, int]:
-    """Enumerate the pixels at edges in each view; return the pixel of each number, and the size of parts.
+def _counts_on_host(device: wp.Device) -> bool:
+    """Return whether the host reads which pixels are at edges. It does not wait for a GPU."""
+    return device.is_cpu
 
-    Unless `counted`, the host does not wait for the number of edges, as on a GPU, and assumes the number of pixels.
-    """
-    views, height, width = slots.shape
-    edges = slots.numpy().reshape(views, -1) if counted else None
-    found = [] if edges is None else [np.flatnonzero(view_slots >= 0) for view_slots in edges]
-    count = height * width if edges is None else max(map(len, found), default=0)
-    min_part = _TREE_PIXELS if counted else _GPU_PIXELS
+
+def _part_size(views: int, count: int, min_part: int) -> int:
+    """Return the number of pixels of each view whose sub-rays are cast together, of at most `count`."""
     max_part = _PART_BYTES // (28 * _SIDE * _SIDE * max(views, 1)) // _TREE_PIXELS * _TREE_PIXELS
-    part = min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(max_part, min_part))
-    padded = -(-count // part) * part
-    if edges is None:
-        return _number_edges(slots.reshape((views, count)), padded), part
-    numbers = np.full((views, padded), -1, dtype=np.int32)
+    return min(max(-(-count // _TILE_PIXELS), 1) * _TILE_PIXELS, max(max_part, min_part))
+
+
+def _pixels_in_parts(slots: wp.array) -> tuple[wp.array, int]:
+    """Enumerate the pixels at edges in each view; return the pixel of each number, and the size of parts."""
+    views = len(slots)
+    edges = slots.numpy().reshape(views, -1)
+    found = [np.flatnonzero(view_slots >= 0) for view_slots in edges]
+    count = max(map(len, found), default=0)
+    part = _part_size(views, count, _TREE_PIXELS)
+    numbers = np.full((views, -(-count // part) * part), -1, dtype=np.int32)
     for view, (view_slots, pixels) in enumerate(zip(edges, found, strict=True)):
         numbers[view, : len(pixels)] = pixels
         view_slots[pixels] = np.arange(len(pixels))
     return wp.array(numbers, dtype=wp.int32, device=slots.device), part
 
 
-def _number_edges(slots: wp.array, size: int) -> wp.array:
-    """Enumerate the pixels at edges in each view in place; return the pixel of each number, -1 if unused."""
-    from warpvis.kernels.sensors.sub_rays import flag_edges, number_edges
+def _number_edges(exposure: Exposure, slots: wp.array) -> tuple[wp.array, wp.array, int]:
+    """Enumerate the pixels at edges in each view in place; return the pixel of each number, counts, the size of parts.
 
-    device = slots.device
-    pixels = wp.full((len(slots), size), -1, dtype=wp.int32, device=device)
-    flags, sums = (wp.empty(slots.shape, dtype=wp.int32, device=device) for _ in range(2))
-    launch(flag_edges, slots.size, [slots.flatten(), flags.flatten()], device)
-    wp.utils.array_scan(flags.flatten(), sums.flatten(), inclusive=True)
-    launch(number_edges, slots.shape, [sums, slots, pixels], device)
-    return pixels
+    The host does not wait for the counts: parts cover all pixels, of which kernels skip those that are not at edges.
+    """
+    from warpvis.kernels.sensors.sub_rays import TILE_SIDE, EdgeTiles, count_edges, number_edges
+
+    (views, height, width), device = slots.shape, slots.device
+    strips = -(-height // int(TILE_SIDE))
+    tiles = EdgeTiles()
+    tiles.bits = (max(strips, -(-width // int(TILE_SIDE))) - 1).bit_length()
+    number = views << 2 * tiles.bits
+    tiles.counts, tiles.ends = (
+        exposure.scratch(f"{name} of tiles", (number,), wp.int32) for name in ("counts", "ends")
+    )
+    counts = exposure.scratch("number of edges", (views,), wp.int32)
+    pixels = exposure.scratch("pixels at edges", (views, height * width), wp.int32)
+    tiles.counts.zero_()
+    launch(count_edges, (views, strips, width), [slots, tiles], device)
+    wp.utils.array_scan(tiles.counts, tiles.ends, inclusive=True)
+    launch(number_edges, (views, strips, width), [tiles, slots, pixels, counts], device)
+    return pixels, counts, _part_size(views, height * width, _GPU_PIXELS)
 
 
 def _check_positive(value: object, name: str) -> None:
