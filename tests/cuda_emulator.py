@@ -75,6 +75,8 @@ class Variant:
     """Number of rays in a packet if they are of image points or unordered, else 0."""
     origins: bool = False
     """Whether the rays of a bundle have distinct origins."""
+    image_side: int = 0
+    """Side of the images whose windows are packets of a ray bundle; 0 if packets are whole images."""
     shadows: bool = False
     """Whether shadows are cast instead of images."""
     arch: int = 900
@@ -83,7 +85,7 @@ class Variant:
     def name(self) -> str:
         kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
         kind += (self.origins, self.shadows)
-        flags = "_".join(str(int(flag)) for flag in (*kind, self.points))
+        flags = "_".join(str(int(flag)) for flag in (*kind, self.points, self.image_side))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
 
@@ -262,11 +264,12 @@ class EmulatedTableCaster(RayBundleCaster):
         shape = (self._camera.height, self._camera.width, 3)
         packets = prepare_all(
             self._camera.rays.reshape(shape),
-            0 if self._variant.points else self._variant.side,
+            0 if self._variant.points else self._variant.image_side or self._variant.side,
             self._scene.device,
             self._camera.origins.reshape(shape) if self._variant.origins else None,
+            self._variant.side,
         )
-        self._emulator.launch(self._variant, (views.count, packets.frame.shape[0], 1), arguments | {"rays": packets})
+        self._emulator.launch(self._variant, (views.count, packets.windows.shape[0], 1), arguments | {"rays": packets})
 
 
 class EmulatedPointCaster(RaysCaster):

@@ -264,7 +264,7 @@ def cast_rays_at(
 # Images do not depend on the casting method.
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
-cast_table_packets = cast_ray_origin_packets = cast_ray_table
+cast_table_packets = cast_ray_origin_packets = cast_sorted_rays = cast_close_rays = cast_ray_table
 cast_moving_ray_packets = cast_moving_rays
 cast_touched_rays = cast_at_moving_objects
 

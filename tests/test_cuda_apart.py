@@ -26,7 +26,7 @@ from warpvis.rendering.casters.sorted_rays_cuda import prepare_packets
 from warpvis.sensors import lidars
 
 from support.ray_patterns import assert_matches_reference, few_origins, sphere_of_rays
-from support.worlds import ALL
+from support.worlds import ALL, assert_bits_equal
 
 SQUARES = Variant(16, True, False, ray_table=True, origins=True)
 POINTS = Variant(32, True, False, ray_table=True, points=256, origins=True)
@@ -126,6 +126,27 @@ def test_depth_alone(emulator):
     np.testing.assert_allclose(one[shown], other[shown], rtol=2e-6)
 
 
+@pytest.mark.cxx
+@pytest.mark.parametrize("origins", [False, True])
+def test_smaller_packets_of_an_image_have_the_same_bits(emulator, origins):
+    """A launch of few packets cuts images into windows, some of whose pixels have no ray."""
+    preset = wv.scenes.PRESETS["blobs_77k"]
+    scene, poses = preset.build("cpu"), preset.poses(1)
+    azimuth, up = np.meshgrid(np.linspace(-0.4, 0.4, 50), np.linspace(-0.3, 0.3, 40))
+    rays = np.stack([np.sin(azimuth), np.tan(up), np.cos(azimuth)], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    pattern = Rays(rays, origins=0.03 * rays[..., [2, 1, 0]] if origins else None)
+    whole, *cut = (
+        emulated_renderer(emulator, variant, scene, pattern, outputs=ALL).render(poses)
+        for variant in (
+            Variant(side, True, False, ray_table=True, origins=origins, image_side=32) for side in (32, 16, 8)
+        )
+    )
+    assert np.isfinite(whole.depth.numpy()).mean() > 0.1
+    for views in cut:
+        assert_bits_equal(whole, views)
+
+
 @pytest.mark.smoke("vlp16")
 @pytest.mark.parametrize("name", ["vlp16", "hdl64e", "OS1-128", "OS0-128"])
 def test_packet_eyes_of_lidars_are_close_to_their_rays(name):
@@ -136,11 +157,11 @@ def test_packet_eyes_of_lidars_are_close_to_their_rays(name):
     prepared = prepare_packets(rays.reshape(shape), wp.get_device("cpu"), origins.reshape(shape))
     assert prepared.eye_offset <= MAX_EYE_OFFSET
     found = []
-    for _, packets in prepared.packets:
-        place, words = packets.place.numpy(), packets.eyes.numpy()
+    for _, packets in prepared.packets(16):
+        place, image = packets.place.numpy(), packets.windows.numpy()[:, 0]
+        words, frame = packets.eyes.numpy()[image], packets.frame.numpy()[image, :9].reshape(-1, 3, 3)
         there = place >= 0
         assert (packets.begins.numpy()[there] >= -1e-9).all()
-        frame = packets.frame.numpy()[:, :9].reshape(-1, 3, 3)
         exact = packets.points.numpy().astype(np.float64) + packets.rests.numpy()
         aside, begin = packets.asides.numpy().astype(np.float64), packets.begins.numpy().astype(np.float64)
         # The slot's ray origin, transformed back to the camera frame.

@@ -176,9 +176,9 @@ def test_lidar_scans_use_grid_packets():
     for lidar in (wv.sensors.lidars.ouster("OS1-128"), wv.sensors.lidars.vlp16()):
         prepared = prepare_packets(lidar.rays.reshape(lidar.height, lidar.width, 3), wp.get_device("cpu"))
         assert prepared.points is None
-        assert all(packets.frame.numpy()[:, 20].max() < 0.3 for _, packets in prepared.packets)
+        assert all(packets.frame.numpy()[:, 20].max() < 0.5 for _, packets in prepared.packets(32))
     scattered = prepare_packets(PATTERNS["no order"].rays, wp.get_device("cpu"))
-    assert not scattered.packets and scattered.points.frame.shape[0] < 1.3 * 1500 / 256  # points per packet
+    assert not scattered.packets(32) and scattered.points.frame.shape[0] < 1.3 * 1500 / 256  # points per packet
 
 
 @pytest.mark.slow
@@ -186,8 +186,13 @@ def test_large_lens_packets_match_single_rays(device):
     """Most of a lens's rays are in packets of 32x32, the rest in smaller ones."""
     matrix = [[330, 0, 319.5], [0, 330, 239.5], [0, 0, 1]]
     camera = wv.Camera.from_opencv(matrix, [-0.28, 0.06, 0, 0], 640, 480, far=50.0)
-    sides = [side for side, _ in prepare_packets(camera.rays, wp.get_device("cpu")).packets]
-    assert sides == [32, 16]
+    prepared = prepare_packets(camera.rays, wp.get_device("cpu"))
+    assert [[side for side, _ in prepared.packets(largest)] for largest in (32, 16, 8)] == [[32, 16], [16], [8]]
+    for side in (32, 16, 8):
+        groups = prepared.packets(side)
+        assert prepared.count(side) == sum(packets.windows.shape[0] for _, packets in groups)
+        places = np.concatenate([packets.place.numpy().ravel() for _, packets in groups])
+        np.testing.assert_array_equal(np.sort(places[places >= 0]), np.arange(640 * 480))
     scene = wv.scenes.PRESETS["room"].build(device)
     pose = wv.look_at((0.1, 0.2, 0.9), (0.5, 0.4, 0.3))
     fast, slow = (wv.render(scene, camera, pose, outputs=ALL, caster=caster) for caster in ("packets", "rays"))

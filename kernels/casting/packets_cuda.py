@@ -31,7 +31,7 @@ TILE_BITS = 5
 MAX_TILES = 4
 """Maximum number of tiles of an object that is sorted by tiles."""
 
-FRAME_WORDS = 24
+FRAME_WORDS = 25
 """Number of 64-bit words of a `TableFrame` of ``native/cuda/table.h``."""
 
 EYE_WORDS = 8
@@ -61,7 +61,9 @@ class RayPackets:
     """A ray bundle in packets; names are those of ``native/cuda/table.h``."""
 
     frame: wp.array2d[wp.float64]
-    """(packet, word): `TableFrame`."""
+    """(image, word): `TableFrame`."""
+    windows: wp.array2d[wp.int32]
+    """(packet, 4): image, the packet's first pixel in it, x and y, and whether all slots have a ray."""
     points: wp.array2d[wp.vec2]
     """(packet, pixel), as are the next three arrays."""
     rests: wp.array2d[wp.vec2]
@@ -70,7 +72,7 @@ class RayPackets:
     bounds: wp.array2d[wp.vec4]
     """(packet, block): bounds of the points of rays; None for pixels."""
     eyes: wp.array2d[wp.float64]
-    """(packet, word): `TableEye`; this and the next two are None if all rays start at the camera."""
+    """(image, word): `TableEye`; this and the next two are None if all rays start at the camera."""
     asides: wp.array2d[wp.vec2]
     """(packet, pixel): intersection of the ray with the eye's plane."""
     begins: wp.array2d[float]
@@ -240,8 +242,9 @@ def make_ray_packet_kernel(
 ) -> wp.Kernel:
     """Make a kernel for packets of a ray bundle; see `make_packet_kernel`.
 
-    A packet is a square image of a side with one ray per pixel or, if `points` is positive, that many rays anywhere in
-    such an image. If `origins`, rays have distinct origins near the camera; otherwise all start at the camera.
+    A packet is a square of a side, with one ray per pixel, of an image of that side or a larger one or, if `points` is
+    positive, that many rays anywhere in such an image. If `origins`, rays have distinct origins near the camera;
+    otherwise all start at the camera.
     """
     options = native_options(
         "cuda/table.h", side, with_id, movable, resized, ray_table=True, points=points, origins=origins

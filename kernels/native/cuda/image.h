@@ -78,6 +78,11 @@ struct Packet {
     // Clear the z-buffer of a packet whose slots have rays of a table, or points. Slots without one count as very near.
     template <class Rays>
     inline void begin_slots(const Camera& camera, const Rays& rays) {
+        if (rays.is_full()) {  // without waiting for its rays
+            for (int i = Warp::lane(); i < (int)SLOTS; i += LANES) *at(i) = DepthKey::of(0.0f, NO_TRIANGLE);
+            begin_blocks(Warp::lane() < SLOT_BLOCKS);
+            return;
+        }
         unsigned filled = 0;
         memory->clear();
         for (int block = 0; block < SLOT_BLOCKS; ++block) {

@@ -115,18 +115,43 @@ struct Write {
     static inline void slots(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                              const Rays& rays, int count, const Images& out) {
         const long long first = (long long)view.index * count;
-        const bool more = more_than_depth(out);
+        if (!more_than_depth(out)) {
+            if (out.depth) slot_depths(view, packet, rays, out.depth + first);
+            return;
+        }
         const Frame frame = Frame::of(camera);
         for (int slot = Warp::lane(); slot < (int)SLOTS; slot += LANES) {
             const int at = rays.pixel_of(slot);
             if (at < 0) continue;
             const Key key = *packet.at(slot);
-            const float inv_z = rays.has_ray(slot) ? inv_z_of(key) : 0.0f, z = Reciprocal::of(inv_z);
-            const Found found = Found::of(view, key, inv_z, z, rays.depth_at(z, slot));
-            if (more)
-                pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
-            else if (out.depth)
-                out.depth[first + at] = found.depth;
+            const float inv_z = slot_inv_z(key), z = Reciprocal::of(inv_z);
+            const Found found = Found::of(view, key, inv_z, z, rays.measure_of(slot).depth(z));
+            pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
+        }
+    }
+    // Slots without a ray count as very near; they show nothing.
+    static inline float slot_inv_z(Key key) {
+        const float inv_z = inv_z_of(key);
+        return inv_z < NOWHERE ? inv_z : 0.0f;
+    }
+    // Write depth alone. Several slots are loaded before the first use, so that there is a single wait.
+    template <class Rays>
+    static inline void slot_depths(const View& view, const Packet& packet, const Rays& rays, float* depth) {
+        enum { AT_ONCE = SLOT_BLOCKS < 8 ? SLOT_BLOCKS : 8 };
+        for (int first = Warp::lane(); first < (int)SLOTS; first += AT_ONCE * LANES) {
+            int at[AT_ONCE];
+            float inv_z[AT_ONCE];
+            typename Rays::Measure measure[AT_ONCE];
+            for (int k = 0; k < AT_ONCE; ++k) {
+                at[k] = rays.pixel_of(first + k * LANES);
+                inv_z[k] = slot_inv_z(*packet.at(first + k * LANES));
+                if (inv_z[k] > 0.0f) measure[k] = rays.measure_of(first + k * LANES);
+            }
+            for (int k = 0; k < AT_ONCE; ++k) {
+                const float z = Reciprocal::of(inv_z[k]);
+                const Found found = Found::of(view, 0, inv_z[k], z, measure[k].depth(z));
+                if (at[k] >= 0) depth[at[k]] = found.depth;
+            }
         }
     }
 

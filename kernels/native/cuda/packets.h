@@ -83,7 +83,7 @@ struct Packets {
         set_sides(scene, view, camera);
         Packet packet;
         packet.memory = &memory.pixels;
-        packet.first_x = packet.first_y = 0;
+        packet.first_x = rays.first_x, packet.first_y = rays.first_y;
         packet.begin_slots(camera, rays);
         if (has_rays) render(scene, view, packet, memory);
         Write::slots(scene, view, camera, packet, rays, count, out);

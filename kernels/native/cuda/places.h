@@ -78,6 +78,7 @@ struct GridPlaces : NoPoints {
 // Rays of a packet of points pass anywhere in its image (points.h).
 struct PointPlaces : PointIndex {
     enum { NO_POINT = -0x7fffffff - 1 };
+    enum { first_x = 0, first_y = 0 };  // first pixel of the packet in its image
 
     const ImagePoint* list;  // points of the view [px], from the image's corner
     double scale, center[2];  // u is `scale` times the distance to the right of the center
@@ -90,23 +91,45 @@ struct PointPlaces : PointIndex {
         return ExactImagePoint{((double)pixel.u - center[0]) * scale, ((double)pixel.v - center[1]) * scale};
     }
 
-    // Whether a slot has a ray, its index in the list or -1, and the depth of its ray at z.
+    // Whether a slot has a ray, and its index in the list or -1.
     inline bool has_ray(int slot) const { return place[slot] >= 0; }
     inline int pixel_of(int slot) const {
         const int i = place[slot];
         return i >= 0 ? i : i == NO_POINT ? -1 : ~i;
     }
-    static inline float depth_at(float z, int) { return z; }
+    static inline bool is_full() { return false; }
+    struct Measure {
+        static inline float depth(float z) { return z; }
+    };
+    static inline Measure measure_of(int) { return Measure{}; }
 };
 
 // Rays of a ray table, near the centers of the pixels of their packet (warpvis/rendering/casters/sorted_rays_cuda.py),
 // or anywhere in its image (warpvis/rendering/casters/packet_images_cuda.py).
-template <class Index>
-struct TablePlaces : Index {
+struct TableRays {
     const ImagePoint* points;  // in the order of the z-buffer; the centers of pixels without a ray
     const ImagePoint* rests;  // rounding errors of the points
     RayStarts starts;
+    const float* scale;  // depth at z = 1; 0 if there is no ray
+    const int* place;  // pixel in the table's image; -1 if there is none
+    bool full;  // whether all slots have a ray
+    int first_x, first_y;  // first pixel of the packet in its image
 
+    // How depth along a ray follows from z.
+    struct Measure {
+        float begin = 0.0f, scale = 0.0f;
+
+        inline float depth(float z) const { return __fmul_rn(RayStarts::from_begin(z, begin), scale); }
+    };
+    // Whether a slot has a ray, its pixel or -1, and its measure; whether all slots have a ray.
+    inline bool has_ray(int slot) const { return __ldg(scale + slot) > 0.0f; }
+    inline int pixel_of(int slot) const { return __ldg(place + slot); }
+    inline Measure measure_of(int slot) const { return Measure{starts.begin_of(slot), __ldg(scale + slot)}; }
+    inline bool is_full() const { return !POINTS && full; }
+};
+
+template <class Index>
+struct TablePlaces : Index, TableRays {
     inline RayPlace point(const Camera&, int, int, int index) const { return starts.of(points[index], index); }
     inline ExactRayPlace exact(const Camera&, int, int, int index) const {
         const ImagePoint p = points[index], error = rests[index];

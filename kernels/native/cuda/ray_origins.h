@@ -49,7 +49,8 @@ struct EyeRays {
         static inline RayStarts from(const ImagePoint*, const float*) { return RayStarts{}; }
         static inline RayPlace of(ImagePoint p, int) { return p; }
         static inline ExactRayPlace of(ExactImagePoint p, int) { return p; }
-        static inline float from_start(float z, int) { return z; }
+        static inline float begin_of(int) { return 0.0f; }
+        static inline float from_begin(float z, float) { return z; }
         static inline bool is_behind(float, int) { return false; }
     };
 
@@ -159,7 +160,8 @@ struct OriginRays {
             const ImagePoint offset = aside[slot];
             return ExactRayPlace{point, offset.u, offset.v};
         }
-        inline float from_start(float z, int slot) const { return z - begin[slot]; }
+        inline float begin_of(int slot) const { return __ldg(begin + slot); }
+        static inline float from_begin(float z, float begin) { return z - begin; }
         inline bool is_behind(float inv_z, int slot) const { return inv_z * begin[slot] > 1.0f; }
     };
 

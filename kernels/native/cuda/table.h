@@ -3,7 +3,8 @@
 //
 // Packets of a ray table, each rendered as a separate image: rotated, scaled and sheared so that adjacent rays pass
 // near the centers of adjacent pixels, one each, or rotated and scaled so that unordered rays fill it
-// (warpvis/rendering/casters/sorted_rays_cuda.py). All else is as in other packets.
+// (warpvis/rendering/casters/sorted_rays_cuda.py). All else is as in other packets. A packet is an image or, where
+// smaller packets are faster, a square window of it: results are the same to the last bit.
 //
 // Rays may have distinct origins (ray_origins.h). Then each packet has its own eye.
 
@@ -19,6 +20,7 @@ struct TableFrame {
     double spread;  // greatest distance of a ray from the center of its pixel, along each axis [px]
     double focal[2];  // lengths of the first two rows
     double longest;  // greatest z of the packet's rays at depth 1
+    double side;  // pixels of the image along each axis
 };
 static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double) &&
                   (int)OriginRays::TableEye::WORDS == TABLE_EYE_WORDS,
@@ -28,29 +30,31 @@ static_assert(sizeof(ImageBox) == 4 * sizeof(float), "Python stores rows of left
 // A packet's rays, in the order of the z-buffer.
 struct TablePacket {
     const TableFrame* frame;
-    const ImagePoint *points, *rests;  // see `Places`
-    const float* scale;  // depth at z = 1; 0 if there is no ray
-    const int* place;  // pixel in the table's image; -1 if there is none
+    TableRays rays;
     const ImageBox* bounds;  // of blocks of rays, for rays anywhere in the image
     int pixels;  // number of pixels of the table's image
     TableEye eye;
-    RayStarts starts;
 
     // A packet of a `RayPackets` of kernels/casting/packets_cuda.py.
     template <class RayPackets>
     static inline TablePacket of(const RayPackets& packets, int packet) {
         const long long first = (long long)packet * SLOTS;
-        TablePacket rays;
-        rays.frame = (const TableFrame*)(packets.frame.data + (long long)packet * TABLE_FRAME_WORDS);
-        rays.points = (const ImagePoint*)packets.points.data + first;
-        rays.rests = (const ImagePoint*)packets.rests.data + first;
-        rays.scale = packets.scale.data + first;
-        rays.place = packets.place.data + first;
-        rays.bounds = (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS;
-        rays.pixels = packets.pixels;
-        rays.eye = TableEye::of(packets.eyes.data + (long long)packet * TABLE_EYE_WORDS);
-        rays.starts = RayStarts::from((const ImagePoint*)packets.asides.data + first, packets.begins.data + first);
-        return rays;
+        const int* window = packets.windows.data + 4 * packet;
+        const long long image = window[0];
+        TablePacket result;
+        result.frame = (const TableFrame*)(packets.frame.data + image * TABLE_FRAME_WORDS);
+        result.rays.points = (const ImagePoint*)packets.points.data + first;
+        result.rays.rests = (const ImagePoint*)packets.rests.data + first;
+        result.rays.starts =
+            RayStarts::from((const ImagePoint*)packets.asides.data + first, packets.begins.data + first);
+        result.rays.scale = packets.scale.data + first;
+        result.rays.place = packets.place.data + first;
+        result.rays.full = window[3];
+        result.bounds = (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS;
+        result.pixels = packets.pixels;
+        result.rays.first_x = window[1], result.rays.first_y = window[2];
+        result.eye = TableEye::of(packets.eyes.data + image * TABLE_EYE_WORDS);
+        return result;
     }
     // A view of the packet's image, in the range of a `RayRange` of kernels/casting/rays.py.
     template <class RayRange, class Poses>
@@ -94,10 +98,10 @@ struct TablePacket {
         camera.origins = eye.origins();
         camera.first_u = (float)frame->first_u;
         camera.first_v = (float)frame->first_v;
-        const float across = PACKET_WIDTH - 1.0f, along = PACKET_HEIGHT - 1.0f;
-        camera.last_x = POINTS ? fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + across)) + 1.0f : across;
-        camera.last_y = POINTS ? fmaxf(fabsf(camera.first_v), fabsf(camera.first_v + along)) + 1.0f : along;
-        if (POINTS) camera.cells = CellGrid{CellGrid::per_side(across), CellGrid::per_side(along)};
+        const float last = (float)frame->side - 1.0f;
+        camera.last_x = POINTS ? fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + last)) + 1.0f : last;
+        camera.last_y = POINTS ? fmaxf(fabsf(camera.first_v), fabsf(camera.first_v + last)) + 1.0f : last;
+        if (POINTS) camera.cells = CellGrid{CellGrid::per_side(last), CellGrid::per_side(last)};
         camera.spread = (float)frame->spread;
         camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
         camera.near = NearPlane{view.clip_inv_z, eye.reach(view.clip_reach)};
@@ -112,27 +116,21 @@ struct TablePacket {
         camera.blur = ROUNDING * (width + height + 2.0f * first + camera.last_x + camera.last_y);
     }
 
-    // Whether a slot has a ray, its pixel or -1, and the depth of its ray at z.
-    inline bool has_ray(int slot) const { return __ldg(scale + slot) > 0.0f; }
-    inline int pixel_of(int slot) const { return __ldg(place + slot); }
-    inline float depth_at(float z, int slot) const {
-        return __fmul_rn(starts.from_start(z, slot), __ldg(scale + slot));
-    }
-
     // Write the rays to shared memory. A block without rays has a greater left than right.
     inline void set_rays(const Camera& camera, PixelMemory& memory) const {
         const int block = Warp::lane();
-        if (block == 0) memory.points = points, memory.rests = rests, memory.starts = starts;
+        if (block == 0) static_cast<TableRays&>(memory) = rays;
         if (POINTS && block < SLOT_BLOCKS)
             memory.set_block(camera, block, bounds[block], bounds[block].left <= bounds[block].right);
         Warp::sync();
     }
 
-    // Render and write a packet of a view. If the view's world does not exist, nothing is visible.
+    // Render and write a packet of a view. If the view's world does not exist, nothing is visible. The rays are read
+    // from shared memory, so that no addresses stay in registers.
     inline void cast(const Scene& scene, const View& view, const Images& out, WarpMemory& memory) const {
         set_camera(view, memory.cameras[WarpMemory::WORLD]);
         set_rays(memory.cameras[WarpMemory::WORLD], memory.pixels);
-        Packets::cast_slots(scene, view, *this, pixels, out, memory);
+        Packets::cast_slots(scene, view, memory.pixels, pixels, out, memory);
     }
 };
 static_assert((int)BLOCK_PIXELS == (int)LANES, "a block has a pixel for each lane");

@@ -212,8 +212,8 @@ struct Walk {
         const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
         ImageBox wide = box;
         wide.widen(camera.origins.aside_at(inv_z));
-        const PixelBounds in =
-            wide.pixels({camera.first_u, camera.first_v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, slack, false);
+        const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
+        const PixelBounds in = wide.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, slack, false);
         const unsigned pixels = PixelRect::of((int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, inv_z, rounding);
     }

@@ -57,8 +57,8 @@ class PacketImages:
         """Positions of rays in single precision."""
         return self.positions.astype(np.float32)
 
-    def frames(self) -> NDArray[np.float64]:
-        """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row."""
+    def frames(self, side: int) -> NDArray[np.float64]:
+        """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row, for images of a side [px]."""
         from warpvis.kernels.casting.packets_cuda import FRAME_WORDS
 
         rows = [
@@ -68,6 +68,7 @@ class PacketImages:
             self.spread[:, None],
             np.linalg.norm(self.matrix[:, :2], axis=-1),
             np.where(self.occupied, self.forward, 0.0).max(axis=1)[:, None],
+            np.full((len(self.place), 1), side),
         ]
         table = np.concatenate(rows, axis=1)
         assert table.shape[1] == FRAME_WORDS

@@ -4,71 +4,22 @@
 
 from __future__ import annotations
 
-import ctypes
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
 
 import warp as wp
 
 from warpvis.cameras.pinhole import Camera
-from warpvis.core.kernel_cache import launch
-from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering.casters.base import ImagesByName, ImageSlots, ViewBatch, needs_ids
+from warpvis.rendering.casters.base import ImagesByName, ViewBatch, needs_ids
 from warpvis.rendering.casters.found_objects_cuda import MANY_OBJECTS, find_objects, nothing_found
+from warpvis.rendering.casters.packed_launch_cuda import PackedPackets
 from warpvis.rendering.casters.points_cuda import cast_point_packets, takes_packets
 from warpvis.rendering.casters.rays import RaysCaster
-
-if TYPE_CHECKING:
-    from warpvis.kernels.pinhole import PinholeCamera
 
 # By whether the scene has movable objects, which every packet tests: pairs of a packet height and the number of packets
 # per multiprocessor from which it is faster than the next smaller height; and the minimum height.
 _MIN_PACKETS = {False: (((16, 24), (8, 32), (4, 24), (2, 8)), 1), True: (((16, 24), (8, 16)), 4)}
 _Kind = tuple[int, bool, bool, bool, bool, int]
 """Arguments of `_kernel`, followed by the number of views."""
-
-
-class _PackedLaunch:
-    """A packed launch: packing can take longer than a GPU takes to render an image.
-
-    CUDA reads the structs when the launch is submitted. A call only writes addresses into them, without keeping the
-    arrays alive.
-    """
-
-    def __init__(self, kind: _Kind, camera: PinholeCamera, packets: tuple[int, int], cull: bool, device: wp.Device):
-        """Pack a launch; `packets` is the number of rows and columns of packets."""
-        from warpvis.kernels.casting.packets import BvhScene
-        from warpvis.kernels.casting.packets_cuda import FoundObjects
-        from warpvis.kernels.casting.point_order import PointLists
-        from warpvis.kernels.casting.worlds import Worlds
-
-        views = kind[-1]
-        self._images = ImageSlots()
-        scene, worlds, found = BvhScene(), Worlds(), FoundObjects()
-        poses = wp.array(ptr=1, dtype=wp.transform, shape=(views,), device=device)  # placeholder address
-        self._poses, self._scene, self._worlds = poses.__ctype__(), _Assigned(scene), _Assigned(worlds)
-        self._found = _Assigned(found)
-        inputs = [scene, camera, poses, worlds, found, PointLists(), cull, self._images.struct]
-        size = (packets[0], views, packets[1], CUDA_LANES)
-        self._launch = launch(_kernel(*kind[:-1]), size, inputs, device, block_dim=CUDA_LANES, record_cmd=True)
-
-    def run(self, scene: Any, poses: wp.array, worlds: Any, found: Any, images: ImagesByName) -> None:
-        """Launch on the device's current stream."""
-        self._scene.memory.struct, self._worlds.memory.struct = scene.__ctype__(), worlds.__ctype__()
-        self._found.memory.struct = found.__ctype__()
-        self._poses.data = poses.ptr
-        self._images.fill(images)
-        self._launch.launch()
-
-
-class _Assigned:
-    """Wrap a Warp struct so that another one of its type can be assigned to it: ctypes assigns only to fields."""
-
-    def __init__(self, struct: Any) -> None:
-        self._owner = struct
-        memory = struct.__ctype__()
-        holder: Any = type("Holder", (ctypes.Structure,), {"_fields_": [("struct", type(memory))]})
-        self.memory = holder.from_address(ctypes.addressof(memory))
 
 
 class CudaPacketsCaster(RaysCaster):
@@ -103,13 +54,15 @@ class CudaPacketsCaster(RaysCaster):
             (self, *kind), lambda: self._pack(kind), lambda packed: packed.run(scene, poses, worlds, found, images)
         )
 
-    def _pack(self, kind: _Kind) -> _PackedLaunch:
+    def _pack(self, kind: _Kind) -> PackedPackets:
         from warpvis.kernels.casting.packets_cuda import packet_width
+        from warpvis.kernels.casting.point_order import PointLists
 
         side, camera = kind[0], self._camera
         lens = camera.device_struct(clip_near=self._options.clip_near)
         packets = -(-camera.height // side), -(-camera.width // packet_width(side))
-        return _PackedLaunch(kind, lens, packets, self._options.cull_backfaces, self._scene.device)
+        groups = [(_kernel(*kind[:-1]), PointLists(), packets)]
+        return PackedPackets(groups, lens, kind[-1], self._options.cull_backfaces, self._scene.device)
 
 
 @cache

@@ -19,9 +19,11 @@ from warpvis.core.poses import Convention, check_convention, host_poses, parse_p
 from warpvis.core.threads import launch_images
 from warpvis.core.types import KernelArguments, PoseLike
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
+from warpvis.rendering.casters.single_rays_cuda import MIN_RAYS, PackedRays, sorted_rays, takes_sorted_rays
 from warpvis.scene import Scene
 
 if TYPE_CHECKING:
+    from warpvis.kernels.casting.sorted_rays import SortedRays
     from warpvis.kernels.casting.worlds import Worlds
 
 MAX_ORIGIN_EXTENT = 0.1
@@ -92,7 +94,7 @@ class OrthographicCaster(RaysCaster):
 
 
 class RayBundleCaster(RaysCaster):
-    """Cast the rays of a `RayCamera`, from an array on the device, one thread per ray."""
+    """Cast the rays of a `RayCamera`, from an array on the device, one thread per ray; on a GPU, sorted if possible."""
 
     _camera: RayCamera
 
@@ -103,9 +105,29 @@ class RayBundleCaster(RaysCaster):
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views; image points are unprojected on the host."""
         if views.pixels is None:
-            self._cast_along(views, self._rays, self._origins, images)
+            count = self._camera.width * self._camera.height
+            if self._scene.device.is_cuda and views.count * count >= MIN_RAYS and self._sorts(views, count):
+                self._cast_sorted(sorted_rays(self._camera, self._scene.device), "sorted rays", views, images)
+            else:
+                self._cast_along(views, self._rays, self._origins, images)
             return
         self.cast_along(views, rays_through(self._camera, views.pixels, self._scene.device), images)
+
+    def _sorts(self, views: ViewBatch, rays: int) -> bool:
+        return takes_sorted_rays(self._scene.triangles().struct, self._options, views, rays)
+
+    def _cast_sorted(self, rays: SortedRays, name: str, views: ViewBatch, images: ImagesByName) -> None:
+        """Cast sorted rays, which have a name among those of the camera."""
+        device, poses = self._scene.device, views.poses_on(self._scene.device)
+        triangles = self._scene.triangles(faces="faces" in images).struct
+        if device.is_capturing:  # a captured graph must not share its memory
+            PackedRays(rays, self._camera, views.count, device).run(triangles, poses, views.worlds, images)
+            return
+        self._options.pool.use(
+            (self, name, views.count, device.stream),
+            lambda: PackedRays(rays, self._camera, views.count, device),
+            lambda packed: packed.run(triangles, poses, views.worlds, images),
+        )
 
     def cast_along(self, views: ViewBatch, rays: wp.array, images: ImagesByName) -> None:
         """Cast along rays of the camera frame, of depth 1, shape ``(V, Y, X)`` vec3d; ``(1, Y, X)`` for all views."""

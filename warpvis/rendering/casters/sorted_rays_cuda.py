@@ -7,24 +7,25 @@ Used by ``kernels/native/cuda/table.h``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.kernels.constants import CUDA_LANES
-from warpvis.rendering.casters.packet_images_cuda import PacketImages, fit_grid, fit_points, middle_cosines
-from warpvis.rendering.casters.ray_origins_cuda import find_eyes, group_rows
+from warpvis.rendering.casters.packet_images_cuda import POINTS_SIDE, PacketImages, fit_grid, fit_points, middle_cosines
+from warpvis.rendering.casters.ray_origins_cuda import PacketEyes, find_eyes, group_rows
 from warpvis.rendering.casters.sorted_rays_cpu import split_rays
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.packets_cuda import RayPackets
 
-# Sides of packets [px]; large packets are faster if one view has enough of them.
+# Sides of images [px]: squares of rays that do not fit a large one are cut into small ones.
 _LARGE_SIDE, _SMALL_SIDE = 32, 16
+# Minimum number of rays of a table for large squares.
 _MANY_RAYS = 200_000
 # Size of the blocks of pixels that a warp processes together [px].
 _BLOCK_WIDTH, _BLOCK_HEIGHT = 8, 4
@@ -42,53 +43,97 @@ POINTS = 256
 
 
 @dataclass(frozen=True)
+class _SquareImages:
+    """Images of one side with a ray per pixel, and their eyes if rays have distinct origins."""
+
+    side: int
+    images: PacketImages
+    eyes: PacketEyes | None
+
+
 class PreparedPackets:
     """A ray table prepared for packets on a GPU."""
 
-    packets: list[tuple[int, RayPackets]]
-    """Sides of packets of neighbors, and the packets: up to two kinds."""
     points: RayPackets | None
-    """Packets of `POINTS` other rays each; None if there are no such rays."""
+    """Packets of `POINTS` rays each that are in no square; None if there are no such rays, or if they are single."""
+    single: NDArray[np.int64]
+    """Indices of rays that are to be cast one by one; only if a maximum eye offset is given."""
     eye_offset: float
-    """Median over all packets of the maximum offset of a ray from the packet's eye [px m]; 0 for a common origin."""
+    """Median over all images of the maximum offset of a ray from the image's eye [px m]; 0 for a common origin."""
+
+    def __init__(
+        self, maker: _Maker, squares: list[_SquareImages], points: NDArray[np.int64], single: NDArray[np.int64]
+    ) -> None:
+        """Copy points to the device; squares are copied when a launch needs them, in packets of its side."""
+        self._maker, self._squares, self.single = maker, squares, single
+        self._packets: dict[int, list[tuple[int, RayPackets]]] = {}
+        self.points = maker.points(points) if len(points) else None
+        self.eye_offset = float(np.median(np.concatenate(maker.eye_offsets))) if maker.eye_offsets else 0.0
+
+    def count(self, side: int) -> int:
+        """Return the number of square packets of at most a side."""
+        return sum(len(group.images.place) * max(group.side // side, 1) ** 2 for group in self._squares)
+
+    def packets(self, side: int) -> list[tuple[int, RayPackets]]:
+        """Return square packets of at most a side, in groups of one side: the side [px], and the packets.
+
+        A packet is an image or a window of it. Results do not depend on the side, to the last bit.
+        """
+        if side not in self._packets:
+            sides = sorted({min(group.side, side) for group in self._squares}, reverse=True)
+            groups = {size: [group for group in self._squares if min(group.side, side) == size] for size in sides}
+            self._packets[side] = [(size, self._maker.windows(groups[size], size)) for size in sides]
+        return self._packets[side]
 
 
 def prepare_packets(
-    rays: NDArray[np.float64], device: wp.Device, origins: NDArray[np.float64] | None = None
+    rays: NDArray[np.float64],
+    device: wp.Device,
+    origins: NDArray[np.float64] | None = None,
+    max_eye_offset: float | None = None,
 ) -> PreparedPackets:
     """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray.
 
-    Rays start at the camera's origin, or at `origins`, shape (H, W, 3), which must be close to it.
+    Rays start at the camera's origin, or at `origins`, shape (H, W, 3), which must be close to it. With
+    `max_eye_offset`, rays that are in no square are single, and squares with a ray that passes their eye at a greater
+    distance [px m], too.
 
     The packets depend on the arguments only, so that the last digits of a view do not change with the number of views.
     """
-    flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
-    places = []
+    flat, index, maker = _flat(rays), _indices(rays), _Maker(rays, origins, device)
+    grouped = index
     if origins is not None:
-        side = _LARGE_SIDE if len(flat) >= _MANY_RAYS else _SMALL_SIDE
         unrolled = _unrolled(index, flat)
-        grouped = group_rows(unrolled, flat, origins.reshape(-1, 3), side)
-        index = index if grouped is unrolled else grouped
-    if len(flat) >= _MANY_RAYS:
-        place = _near_blocks(index, flat, _LARGE_SIDE, _MAX_LARGE_SPREAD)
-        full = (place >= 0).mean(axis=1) >= _MIN_FILL
-        places.append((_LARGE_SIDE, place[full]))
-        index = np.where(np.isin(index, place[full]), -1, index)
-    squares, scattered = _arrange(index, flat, _SMALL_SIDE)
-    places.append((_SMALL_SIDE, squares))
-    packets = [(side, make.grid(place, side)) for side, place in places]
-    points = make.points(scattered) if len(scattered) else None
-    return PreparedPackets(
-        [(side, grid) for side, grid in packets if grid.frame.shape[0]],
-        points,
-        float(np.median(np.concatenate(make.eye_offsets))) if make.eye_offsets else 0.0,
-    )
+        grouped = group_rows(unrolled, flat, origins.reshape(-1, 3), _SMALL_SIDE)
+        grouped = index if grouped is unrolled else grouped
+    large = np.zeros((0, _LARGE_SIDE**2), dtype=np.int64)
+    if len(flat) >= _MANY_RAYS and grouped is index:  # rows of a large square of groups may have distant origins
+        large = _near_blocks(index, flat, _LARGE_SIDE, _MAX_LARGE_SPREAD)
+        large = large[(large >= 0).mean(axis=1) >= _MIN_FILL]
+    index = grouped
+    small, scattered = _arrange(np.where(np.isin(index, large), -1, index), flat, _SMALL_SIDE)
+    places, single = [(_LARGE_SIDE, large), (_SMALL_SIDE, small)], np.zeros(0, dtype=np.int64)
+    if max_eye_offset is not None:
+        near = [maker.eye_offsets_of(place, side) <= max_eye_offset for side, place in places]
+        others = [place[~is_near] for (_, place), is_near in zip(places, near, strict=True)]
+        single = np.concatenate([part.ravel() for part in (scattered, *others)])
+        single, scattered = single[single >= 0], scattered[:0]
+        places = [(side, place[is_near]) for (side, place), is_near in zip(places, near, strict=True)]
+    squares = [maker.squares(place, side) for side, place in places if len(place)]
+    return PreparedPackets(maker, squares, scattered, single)
 
 
 def prepare_all(
-    rays: NDArray[np.float64], side: int, device: wp.Device, origins: NDArray[np.float64] | None = None
+    rays: NDArray[np.float64],
+    side: int,
+    device: wp.Device,
+    origins: NDArray[np.float64] | None = None,
+    packet_side: int | None = None,
 ) -> RayPackets:
-    """Prepare rays as `prepare_packets` does, in one kind of packets: squares of `side`, or points if `side` is 0."""
+    """Prepare rays as `prepare_packets` does, in one kind of packets: squares of `side`, or points if `side` is 0.
+
+    With `packet_side`, packets are windows of the squares.
+    """
     flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     if side == 0:
         full, partial_packets, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
@@ -96,7 +141,7 @@ def prepare_all(
         return make.points(place)
     squares, scattered = _arrange(index, flat, side)
     place = np.concatenate([squares, np.pad(scattered, ((0, 0), (0, side * side - POINTS)), constant_values=-1)])
-    return make.grid(place, side)
+    return make.windows([make.squares(place, side)], packet_side or side)
 
 
 def _flat(rays: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,38 +164,70 @@ class _Maker:
         self._origins = None if origins is None else origins.reshape(-1, 3)
         self._device = device
 
-    def grid(self, place: NDArray[np.int64], side: int) -> RayPackets:
-        """Create square packets; `place` is the index of each slot's ray, -1 for none."""
-        return self._put(fit_grid(place, self._rays, side), _z_buffer_order(side))
+    def squares(self, place: NDArray[np.int64], side: int) -> _SquareImages:
+        """Fit square images; `place` is the index of each pixel's ray, -1 for none."""
+        return self._with_eyes(side, fit_grid(place, self._rays, side))
+
+    def eye_offsets_of(self, place: NDArray[np.int64], side: int) -> NDArray[np.float64]:
+        """Return the maximum offset of a ray from the eye of each square image [px m]."""
+        if self._origins is None or not len(place):
+            return np.zeros(len(place))
+        return find_eyes(fit_grid(place, self._rays, side), self._rays, self._origins).max_offset
 
     def points(self, place: NDArray[np.int64]) -> RayPackets:
         """Create packets of points; `place` is the index of each slot's ray, -1 for none."""
-        images = fit_points(place, self._rays)
-        packets = self._put(images, np.arange(place.shape[1]))
-        packets.bounds = wp.array(images.block_bounds(), dtype=wp.vec4, device=self._device)
+        group = self._with_eyes(POINTS_SIDE, fit_points(place, self._rays))
+        windows = np.stack([np.arange(len(place)), *np.zeros((2, len(place)), dtype=np.int64)], axis=1)
+        packets = self._put([group], windows, [lambda values: values])
+        packets.bounds = wp.array(group.images.block_bounds(), dtype=wp.vec4, device=self._device)
         return packets
 
-    def _put(self, images: PacketImages, order: NDArray[np.int64]) -> RayPackets:
-        """Copy packets to the device, with slots in the order of the z-buffer."""
-        from warpvis.kernels.casting.packets_cuda import RayPackets
+    def windows(self, groups: list[_SquareImages], side: int) -> RayPackets:
+        """Create packets of a side from square images, with slots in the order of the z-buffer."""
+        order, cuts, windows, first = _z_buffer_order(side), [], [], 0
+        for group in groups:
+            count, columns = len(group.images.place), group.side // side
+            image, y, x = np.indices((count, columns, columns)).reshape(3, -1)
+            windows.append(np.stack([first + image, x * side, y * side], axis=1))
+            cuts.append(lambda values, columns=columns: _cut(values, columns, side)[:, order])
+            first += count
+        return self._put(groups, np.concatenate(windows), cuts)
 
-        packets, device = RayPackets(), self._device
-        packets.frame = wp.array(images.frames(), dtype=wp.float64, device=device)
-        rounded = images.rounded
-        scale = np.where(images.occupied, 1 / images.forward, 0.0).astype(np.float32)
-        packets.points = wp.array(rounded[:, order], dtype=wp.vec2, device=device)
-        packets.rests = wp.array(
-            (images.positions - rounded).astype(np.float32)[:, order], dtype=wp.vec2, device=device
-        )
-        packets.scale = wp.array(scale[:, order], dtype=wp.float32, device=device)
-        packets.place = wp.array(images.place[:, order].astype(np.int32), dtype=wp.int32, device=device)
-        packets.pixels = len(self._rays)
+    def _with_eyes(self, side: int, images: PacketImages) -> _SquareImages:
+        eyes = None
         if self._origins is not None:
             eyes = find_eyes(images, self._rays, self._origins)
             self.eye_offsets.append(eyes.max_offset)
-            packets.eyes = wp.array(eyes.words, dtype=wp.float64, device=device)
-            packets.asides = wp.array(eyes.offset[:, order], dtype=wp.vec2, device=device)
-            packets.begins = wp.array(eyes.origin_z[:, order], dtype=wp.float32, device=device)
+        return _SquareImages(side, images, eyes)
+
+    def _put(
+        self, groups: list[_SquareImages], windows: NDArray[np.int64], cuts: list[Callable[[NDArray], NDArray]]
+    ) -> RayPackets:
+        """Copy packets to the device; `cuts` convert the rows of each group's images to those of its packets."""
+        from warpvis.kernels.casting.packets_cuda import RayPackets
+
+        def put(rows: Iterable[NDArray], dtype: Any) -> wp.array:
+            return wp.array(np.concatenate(list(rows)), dtype=dtype, device=self._device)
+
+        def put_slots(rows: Iterable[NDArray], dtype: Any) -> wp.array:
+            return put((cut(values) for cut, values in zip(cuts, rows, strict=True)), dtype)
+
+        packets, images = RayPackets(), [group.images for group in groups]
+        packets.frame = put((group.images.frames(group.side) for group in groups), wp.float64)
+        full = np.concatenate([cut(image.occupied).all(axis=1) for cut, image in zip(cuts, images, strict=True)])
+        packets.windows = put([np.column_stack([windows, full]).astype(np.int32)], wp.int32)
+        packets.points = put_slots((image.rounded for image in images), wp.vec2)
+        packets.rests = put_slots(((image.positions - image.rounded).astype(np.float32) for image in images), wp.vec2)
+        packets.scale = put_slots(
+            (np.where(image.occupied, 1 / image.forward, 0.0).astype(np.float32) for image in images), wp.float32
+        )
+        packets.place = put_slots((image.place.astype(np.int32) for image in images), wp.int32)
+        packets.pixels = len(self._rays)
+        eyes = [group.eyes for group in groups if group.eyes is not None]
+        if eyes:
+            packets.eyes = put((eye.words for eye in eyes), wp.float64)
+            packets.asides = put_slots((eye.offset for eye in eyes), wp.vec2)
+            packets.begins = put_slots((eye.origin_z for eye in eyes), wp.float32)
         return packets
 
 
@@ -260,6 +337,13 @@ def _z_buffer_order(side: int) -> NDArray[np.int64]:
     pixel = y % _BLOCK_HEIGHT * _BLOCK_WIDTH + x % _BLOCK_WIDTH
     index = block * CUDA_LANES + (pixel + block % columns * (CUDA_LANES // columns)) % CUDA_LANES
     return np.argsort(index)
+
+
+def _cut(values: NDArray, columns: int, side: int) -> NDArray:
+    """Cut images of pixels, row by row, into windows of a side; `columns` is the number of windows along each axis."""
+    rest = values.shape[2:]
+    cells = values.reshape(-1, columns, side, columns, side, *rest).swapaxes(2, 3)
+    return cells.reshape(-1, side * side, *rest)
 
 
 def _blocks(index: NDArray[np.int64], side: int) -> NDArray[np.int64]:

@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Single rays that are sorted for a GPU: the same bits as rays in the order of the table."""
+
+import numpy as np
+import pytest
+import trimesh
+import warp as wp
+
+import warpvis as wv
+from warpvis.kernels.casting.worlds import Worlds
+from warpvis.rendering.casters import rays, single_rays_cuda
+from warpvis.rendering.casters.base import CastOptions, ViewBatch
+from warpvis.rendering.casters.single_rays_cuda import PackedRays, order_of, sorted_rays, takes_sorted_rays
+
+from support.table_packets import PATTERNS
+from support.worlds import ALL, assert_bits_equal
+
+OUTPUTS = (*ALL, "faces")
+ORIGINS = wv.cameras.Rays(PATTERNS["lidar"].table, origins=0.04 * PATTERNS["lidar"].table[..., [1, 2, 0]])
+
+
+def sorted_views(scene, camera, poses):
+    """Return the images that a GPU makes for a large call."""
+    expected = wv.render(scene, camera, poses, outputs=OUTPUTS, caster="rays")
+    views = wv.Views(**{name: wp.zeros_like(getattr(expected, name)) for name in OUTPUTS})
+    rows = wp.array(np.asarray(poses), dtype=wp.transform, device=scene.device)
+    images = {name: getattr(views, name) for name in OUTPUTS}
+    triangles = scene.triangles(faces=True).struct
+    PackedRays(sorted_rays(camera, scene.device), camera, len(rows), scene.device).run(
+        triangles, rows, Worlds(), images
+    )
+    return views, expected
+
+
+def assert_same(scene, camera, poses):
+    views, expected = sorted_views(scene, camera, poses)
+    assert_bits_equal(views, expected)
+    assert views.faces.numpy().tobytes() == expected.faces.numpy().tobytes()
+    return expected
+
+
+@pytest.mark.parametrize("name", [*PATTERNS, "origins"])
+def test_sorted_rays_have_the_bits_of_the_table(name, device):
+    preset = wv.scenes.PRESETS["room"]
+    assert_same(preset.build(device), ORIGINS if name == "origins" else PATTERNS[name], preset.pose_rows(3))
+
+
+@pytest.mark.parametrize("max_close", [1 << 14, 5])
+def test_rays_that_start_on_a_surface(max_close, device, monkeypatch):
+    """In the plane of a triangle, it is ignored, and coincident ones as well, as for rays of the table."""
+    monkeypatch.setattr(single_rays_cuda, "_MAX_CLOSE", max_close)
+    scene = wv.Scene(device=device)
+    scene.add(trimesh.creation.box((2, 2, 1)), name="box")
+    scene.add(trimesh.creation.box((2, 2, 1)), name="twin")
+    scene.add(trimesh.creation.icosphere(subdivisions=2, radius=0.4), name="ball", pose=[0.3, 0, 0.9, 0, 0, 0, 1.0])
+    poses = np.array(
+        [[x, y, z, 0, 0, 0, 1.0] for x, y, z in ((0.2, 0.1, 0.5), (1, 1, 0.5), (1, 0.3, 0), (0.1, 0, 0.5005))]
+    )
+    for camera in (PATTERNS["lidar"], ORIGINS):
+        assert np.isfinite(assert_same(scene, camera, poses).depth.numpy()).any()
+
+
+def test_calls_that_may_ignore_hits_are_cast_in_the_order_of_the_table():
+    still, moving = wv.Scene(device="cpu"), wv.Scene(device="cpu")
+    still.add(trimesh.creation.box((1, 1, 1)), name="box")
+    moving.add(trimesh.creation.box((1, 1, 1)), name="box", movable=True)
+    views = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
+    excluding = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
+    excluding.worlds.excluded = wp.zeros((1, 1), dtype=wp.uint8, device="cpu")
+    triangles, options = still.triangles().struct, CastOptions()
+    assert takes_sorted_rays(triangles, options, views, 100)
+    assert not takes_sorted_rays(triangles, options, views, 2**31)
+    assert not takes_sorted_rays(moving.triangles().struct, options, views, 100)
+    assert not takes_sorted_rays(triangles, options, excluding, 100)
+    assert not takes_sorted_rays(triangles, CastOptions(cull_backfaces=True), views, 100)
+    assert not takes_sorted_rays(triangles, CastOptions(clip_near=True), views, 100)
+
+
+def test_order_keeps_neighbors_together():
+    rays = np.concatenate([PATTERNS["no order"].table.reshape(-1, 3), np.full((3, 3), np.nan)])
+    order = order_of(rays)
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(rays)))
+    assert np.isnan(rays[order[:3]]).all()
+    steps = np.linalg.norm(np.diff(rays[order[3:]], axis=0), axis=1)
+    assert np.median(steps) < 3 * np.sqrt(4 * np.pi / 1500)
+
+
+def test_large_calls_are_sorted_on_a_gpu(cuda, monkeypatch):
+    scene, poses = wv.scenes.PRESETS["room"].build(cuda), wv.scenes.PRESETS["room"].poses(2)
+    plain = wv.render(scene, ORIGINS, poses, outputs=ALL, caster="rays")
+    monkeypatch.setattr(rays, "MIN_RAYS", 1)
+    assert_bits_equal(wv.render(scene, ORIGINS, poses, outputs=ALL, caster="rays"), plain)
