@@ -11,7 +11,8 @@ import warpvis as wv
 from warpvis.kernels.casting.worlds import Worlds
 from warpvis.rendering.casters import rays, single_rays_cuda
 from warpvis.rendering.casters.base import CastOptions, ViewBatch
-from warpvis.rendering.casters.single_rays_cuda import PackedRays, order_of, sorted_rays, takes_sorted_rays
+from warpvis.rendering.casters.ray_order_cuda import curve_order, sorted_order
+from warpvis.rendering.casters.single_rays_cuda import PackedRays, sorted_rays, takes_sorted_rays
 
 from support.table_packets import PATTERNS
 from support.worlds import ALL, assert_bits_equal
@@ -61,29 +62,37 @@ def test_rays_that_start_on_a_surface(max_close, device, monkeypatch):
         assert np.isfinite(assert_same(scene, camera, poses).depth.numpy()).any()
 
 
-def test_calls_that_may_ignore_hits_are_cast_in_the_order_of_the_table():
-    still, moving = wv.Scene(device="cpu"), wv.Scene(device="cpu")
-    still.add(trimesh.creation.box((1, 1, 1)), name="box")
-    moving.add(trimesh.creation.box((1, 1, 1)), name="box", movable=True)
+def test_calls_that_may_ignore_hits_are_cast_in_the_curve_order_the_table():
     views = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
     excluding = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
     excluding.worlds.excluded = wp.zeros((1, 1), dtype=wp.uint8, device="cpu")
-    triangles, options = still.triangles().struct, CastOptions()
-    assert takes_sorted_rays(triangles, options, views, 100)
-    assert not takes_sorted_rays(triangles, options, views, 2**31)
-    assert not takes_sorted_rays(moving.triangles().struct, options, views, 100)
-    assert not takes_sorted_rays(triangles, options, excluding, 100)
-    assert not takes_sorted_rays(triangles, CastOptions(cull_backfaces=True), views, 100)
-    assert not takes_sorted_rays(triangles, CastOptions(clip_near=True), views, 100)
+    assert takes_sorted_rays(CastOptions(), views, 100)
+    assert not takes_sorted_rays(CastOptions(), views, 2**31)
+    assert not takes_sorted_rays(CastOptions(), excluding, 100)
+    assert not takes_sorted_rays(CastOptions(cull_backfaces=True), views, 100)
+    assert not takes_sorted_rays(CastOptions(clip_near=True), views, 100)
 
 
 def test_order_keeps_neighbors_together():
     rays = np.concatenate([PATTERNS["no order"].table.reshape(-1, 3), np.full((3, 3), np.nan)])
-    order = order_of(rays)
+    order = curve_order(rays)
     np.testing.assert_array_equal(np.sort(order), np.arange(len(rays)))
     assert np.isnan(rays[order[:3]]).all()
     steps = np.linalg.norm(np.diff(rays[order[3:]], axis=0), axis=1)
     assert np.median(steps) < 3 * np.sqrt(4 * np.pi / 1500)
+
+
+def test_order_of_a_lidar_follows_its_table():
+    """Lasers left and right of its axis are in different warps."""
+    lidar = wv.sensors.lidars.hdl64e()
+    shape = (lidar.height, lidar.width, 3)
+    order = sorted_order(lidar.rays.reshape(shape), lidar.origins.reshape(shape))
+    np.testing.assert_array_equal(np.sort(order), np.arange(lidar.height * lidar.width))
+    rays, origins = lidar.rays.reshape(-1, 3)[order], lidar.origins.reshape(-1, 3)[order]
+    left = (rays[:, 0] * origins[:, 1] - rays[:, 1] * origins[:, 0] > 0).reshape(-1, 32)
+    assert (left.all(axis=1) | ~left.any(axis=1)).mean() > 0.95
+    scattered = PATTERNS["no order"].table
+    np.testing.assert_array_equal(sorted_order(scattered, None), curve_order(scattered.reshape(-1, 3)))
 
 
 def test_large_calls_are_sorted_on_a_gpu(cuda, monkeypatch):

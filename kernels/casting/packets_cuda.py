@@ -31,7 +31,7 @@ TILE_BITS = 5
 MAX_TILES = 4
 """Maximum number of tiles of an object that is sorted by tiles."""
 
-FRAME_WORDS = 25
+FRAME_WORDS = 26
 """Number of 64-bit words of a `TableFrame` of ``native/cuda/table.h``."""
 
 EYE_WORDS = 8

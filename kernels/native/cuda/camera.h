@@ -53,8 +53,7 @@ struct Camera {
     ImagePoint slope_error;  // SLOPE_ERROR times the lengths of the other two rows of to_camera
     float volume_error;  // VOLUME_ERROR times the lengths of the rows of to_camera
     Vec3 stretch;  // scale factors of the object being drawn relative to its built size; only if RESIZED
-    // for a ray table or points: greatest distance of a ray from the center of its pixel, along each axis
-    float spread;
+    ImagePoint spread;  // for a ray table or points: greatest distance of a ray from the center of its pixel
     bool skip_back_faces;  // for closed objects, since the camera is outside all of them
     bool cull_back_faces;  // for all objects
     CellGrid cells;  // for points
@@ -68,8 +67,12 @@ struct Camera {
         return MOVABLE || RAY_ORIGINS ? Vec3::minus(offset, origin_error) : offset;
     }
     // A coordinate, moved outward or inward by the greatest distance of a ray from the center of its pixel.
-    inline float wider(float place) const { return RAY_TABLE ? place + spread : place; }
-    inline float before(float place) const { return RAY_TABLE ? place - spread : place; }
+    inline float right_of(float u) const { return RAY_TABLE ? u + spread.u : u; }
+    inline float left_of(float u) const { return RAY_TABLE ? u - spread.u : u; }
+    inline float below(float v) const { return RAY_TABLE ? v + spread.v : v; }
+    inline float above(float v) const { return RAY_TABLE ? v - spread.v : v; }
+    // A margin around a ray as one around the center of its pixel.
+    inline ImagePoint wider(float margin) const { return ImagePoint{right_of(margin), below(margin)}; }
     // An element of a row of to_camera in the frame of an object, given the axis and the ray's component.
     inline double rotated_row(int row, Vec3d axis, double of_ray) const {
         return RAY_TABLE ? Vec3d::dot(axis, Vec3d{rows[3 * row], rows[3 * row + 1], rows[3 * row + 2]})

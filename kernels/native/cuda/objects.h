@@ -222,7 +222,7 @@ struct ObjectPass {
         const bool is_active = exists && !movables.excludes(m);
         const Walk::ScreenBounds p = Walk::ScreenBounds::of(box.rows, box.low, box.high, world.blur, is_active);
         const PixelBounds in =
-            p.pixels({world.first_u, world.first_v}, {world.last_x, world.last_y}, p.slack, p.crossing);
+            p.pixels({world.first_u, world.first_v}, {world.last_x, world.last_y}, {p.slack, p.slack}, p.crossing);
         if (!is_active || p.zmin > world.far || !in.any()) return;
         // Without this test, all objects behind the camera would be recorded.
         if (p.crossing && !Walk::reaches_frustum(box.rows, world.first_u, world.first_v, world.last_x + 1.0f,

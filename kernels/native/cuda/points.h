@@ -131,7 +131,7 @@ struct PointPacket {
         camera.last_x = right * scale, camera.last_y = below * scale;
         camera.blur *= scale;
         camera.set_errors((float)view.focal[0] * scale, (float)view.focal[1] * scale);
-        camera.spread = spread();
+        camera.spread = ImagePoint{spread(), spread()};
         for (int i = 0; i < 2; ++i) {
             camera.exact_rays[i] = Vec3d::times(camera.exact_rays[i], per_scale);
             camera.to_camera[i] =

@@ -111,10 +111,10 @@ struct Raster {
                                        UncertainPixels& uncertain) {
         const int lane = Warp::lane();
         const int block_x = Packet::block_x(lane), block_y = Packet::block_y(lane);
-        float u0 = camera.before(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
-              u1 = camera.wider(SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u);
-        float v0 = camera.before(SmallInt::to_float(packet.first_y + block_y) + camera.first_v),
-              v1 = camera.wider(SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v);
+        float u0 = camera.left_of(SmallInt::to_float(packet.first_x + block_x) + camera.first_u),
+              u1 = camera.right_of(SmallInt::to_float(packet.first_x + block_x + BLOCK_WIDTH - 1) + camera.first_u);
+        float v0 = camera.above(SmallInt::to_float(packet.first_y + block_y) + camera.first_v),
+              v1 = camera.below(SmallInt::to_float(packet.first_y + block_y + BLOCK_HEIGHT - 1) + camera.first_v);
         bool touched = lane < BLOCKS && block_x + BLOCK_WIDTH - 1 >= t.x0 && block_x <= t.x1 &&
                        block_y + BLOCK_HEIGHT - 1 >= t.y0 && block_y <= t.y1;
         if (POINTS) {

@@ -88,11 +88,11 @@ struct ImageBox {
     }
     // Pixels whose centers may be inside, given the image point of the first pixel, and the last column and row; all if
     // `anywhere`.
-    inline PixelBounds pixels(ImagePoint first, ImagePoint last, float slack, bool anywhere) const {
-        return PixelBounds{fmaxf(anywhere ? 0.0f : ceilf(left - first.u - slack), 0.0f),
-                           fminf(anywhere ? last.u : floorf(right - first.u + slack), last.u),
-                           fmaxf(anywhere ? 0.0f : ceilf(top - first.v - slack), 0.0f),
-                           fminf(anywhere ? last.v : floorf(bottom - first.v + slack), last.v)};
+    inline PixelBounds pixels(ImagePoint first, ImagePoint last, ImagePoint slack, bool anywhere) const {
+        return PixelBounds{fmaxf(anywhere ? 0.0f : ceilf(left - first.u - slack.u), 0.0f),
+                           fminf(anywhere ? last.u : floorf(right - first.u + slack.u), last.u),
+                           fmaxf(anywhere ? 0.0f : ceilf(top - first.v - slack.v), 0.0f),
+                           fminf(anywhere ? last.v : floorf(bottom - first.v + slack.v), last.v)};
     }
     // Cells whose points may be inside.
     inline Cells cells(const Camera& camera, float slack) const {
@@ -150,7 +150,7 @@ struct Setup {
     static inline float rounding_of(const Camera& camera) {
         return TRIANGLE_SLACK + TRIANGLE_SLACK_BLURS * camera.blur;
     }
-    static inline float slack_of(const Camera& camera) { return camera.wider(rounding_of(camera)); }
+    static inline ImagePoint slack_of(const Camera& camera) { return camera.wider(rounding_of(camera)); }
 
     // Set the pixels of the packet that begins at a pixel of the view, among those whose centers may be inside a
     // triangle.
@@ -189,8 +189,8 @@ struct Setup {
             du = farthest(p.box.left, p.box.right, t.u, p.crossing, camera.last_x);
             dv = farthest(p.box.top, p.box.bottom, t.v, p.crossing, camera.last_y);
         } else {
-            du = camera.wider(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
-            dv = camera.wider(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
+            du = camera.right_of(fmaxf(fabsf(b.left + camera.first_u - t.u), fabsf(b.right + camera.first_u - t.u)));
+            dv = camera.below(fmaxf(fabsf(b.top + camera.first_v - t.v), fabsf(b.bottom + camera.first_v - t.v)));
         }
         const float change = __fmaf_rn(fabsf(t.slope_u), du, __fmul_rn(fabsf(t.slope_v), dv));
         const float per_side = __fmaf_rn(camera.slope_error.u, du, __fmul_rn(camera.slope_error.v, dv));
@@ -263,8 +263,8 @@ struct Setup {
 
         static inline PacketBounds of(const Camera& camera, int first_x, int first_y) {
             const float u = camera.first_u + (float)first_x, v = camera.first_v + (float)first_y;
-            const float slack = slack_of(camera);
-            return PacketBounds{u - slack, u + slack, v - slack, v + slack};
+            const ImagePoint slack = slack_of(camera);
+            return PacketBounds{u - slack.u, u + slack.u, v - slack.v, v + slack.v};
         }
         // Whether the center of one of `pixels` pixels lies between two coordinates.
         static inline bool has_center(float low, float high, float less, float more, float pixels) {
@@ -324,21 +324,21 @@ struct Setup {
         const ProjectedTriangle p = ProjectedTriangle::of(camera, c.a, c.b, c.c);
         if (!(p.zmax > 0.0f)) shown = false;
         if (!MOVABLE && p.crossing) return shown ? PACKET_WIDTH * PACKET_HEIGHT : 0;
-        const float slack = slack_of(camera);
+        const ImagePoint slack = slack_of(camera);
         const float to_x = camera.first_u + (float)first_x, to_y = camera.first_v + (float)first_y;
-        const int x0 = p.crossing ? 0 : max(__float2int_ru(p.box.left - to_x - slack), 0);
-        const int y0 = p.crossing ? 0 : max(__float2int_ru(p.box.top - to_y - slack), 0);
+        const int x0 = p.crossing ? 0 : max(__float2int_ru(p.box.left - to_x - slack.u), 0);
+        const int y0 = p.crossing ? 0 : max(__float2int_ru(p.box.top - to_y - slack.v), 0);
         const int x1 =
-            p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.box.right - to_x + slack), PACKET_WIDTH - 1);
+            p.crossing ? PACKET_WIDTH - 1 : min(__float2int_rd(p.box.right - to_x + slack.u), PACKET_WIDTH - 1);
         const int y1 =
-            p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.box.bottom - to_y + slack), PACKET_HEIGHT - 1);
+            p.crossing ? PACKET_HEIGHT - 1 : min(__float2int_rd(p.box.bottom - to_y + slack.v), PACKET_HEIGHT - 1);
         const int count = shown && x0 <= x1 && y0 <= y1 ? (x1 - x0 + 1) * (y1 - y0 + 1) : 0;
         // Worthwhile if a packet sees much that is near: static scenes of small triangles become slower.
         const bool large = MOVABLE && count > LARGE;
-        if (large && passes_by(camera, c, camera.before(SmallInt::to_float(first_x + x0) + camera.first_u),
-                               camera.wider(SmallInt::to_float(first_x + x1) + camera.first_u),
-                               camera.before(SmallInt::to_float(first_y + y0) + camera.first_v),
-                               camera.wider(SmallInt::to_float(first_y + y1) + camera.first_v)))
+        if (large && passes_by(camera, c, camera.left_of(SmallInt::to_float(first_x + x0) + camera.first_u),
+                               camera.right_of(SmallInt::to_float(first_x + x1) + camera.first_u),
+                               camera.above(SmallInt::to_float(first_y + y0) + camera.first_v),
+                               camera.below(SmallInt::to_float(first_y + y1) + camera.first_v)))
             return 0;
         return p.cover(count);
     }

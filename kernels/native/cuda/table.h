@@ -17,7 +17,7 @@ struct TableFrame {
     double rows[3][3];  // u times z, v times z, and z of a point relative to the camera
     double rays[3][3];  // the inverse: a ray is u times the first, plus v times the second, plus the third
     double first_u, first_v;  // of the center of the packet's first pixel
-    double spread;  // greatest distance of a ray from the center of its pixel, along each axis [px]
+    double spread[2];  // greatest distance of a ray from the center of its pixel, along each axis [px]
     double focal[2];  // lengths of the first two rows
     double longest;  // greatest z of the packet's rays at depth 1
     double side;  // pixels of the image along each axis
@@ -102,14 +102,15 @@ struct TablePacket {
         camera.last_x = POINTS ? fmaxf(fabsf(camera.first_u), fabsf(camera.first_u + last)) + 1.0f : last;
         camera.last_y = POINTS ? fmaxf(fabsf(camera.first_v), fabsf(camera.first_v + last)) + 1.0f : last;
         if (POINTS) camera.cells = CellGrid{CellGrid::per_side(last), CellGrid::per_side(last)};
-        camera.spread = (float)frame->spread;
+        camera.spread = ImagePoint{(float)frame->spread[0], (float)frame->spread[1]};
         camera.far = fminf(eye.farthest(view.far * (float)frame->longest) * FARTHER, NOWHERE);
         camera.near = NearPlane{view.clip_inv_z, eye.reach(view.clip_reach)};
         const float width = (float)frame->focal[0], height = (float)frame->focal[1];
         // Distance of the first pixel from the principal point; that of the last one is at most the image size more.
         const float first =
             POINTS ? fmaxf(camera.last_x, camera.last_y) : fmaxf(fabsf(camera.first_u), fabsf(camera.first_v));
-        camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) + camera.spread;
+        camera.extent = fmaxf(0.5f * (width + height + camera.last_x + camera.last_y), first) +
+                        fmaxf(camera.spread.u, camera.spread.v);
         camera.per_extent = 1.0f / camera.extent;
         camera.set_errors(width, height);
         camera.stretch = Vec3{1.0f, 1.0f, 1.0f};

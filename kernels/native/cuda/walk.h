@@ -171,23 +171,22 @@ struct Walk {
             box.widen(camera.origins.aside_at(0.50001f * (max_inv_z - min_inv_z)));
             p.widen(camera.origins.aside_at(max_inv_z));
         }
-        const float slack = p.slack;
-        p.slack = camera.wider(p.slack);
+        const ImagePoint slack = camera.wider(p.slack), spread = camera.wider(0.0f);
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
-        const PixelBounds in = p.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, p.slack, p.crossing);
+        const PixelBounds in = p.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, slack, p.crossing);
         shown = shown && p.zmin <= camera.far && in.any();
         if (shown && p.crossing)
-            shown = reaches_frustum(
-                to_camera, camera.before(u), camera.before(v), (float)PACKET_WIDTH + 2.0f * camera.wider(0.0f),
-                (float)PACKET_HEIGHT + 2.0f * camera.wider(0.0f), low, high, camera.origins.aside());
+            shown =
+                reaches_frustum(to_camera, camera.left_of(u), camera.above(v), (float)PACKET_WIDTH + 2.0f * spread.u,
+                                (float)PACKET_HEIGHT + 2.0f * spread.v, low, high, camera.origins.aside());
         if (!shown) return Child{0, 0};
         if (POINTS && !p.crossing &&
-            !shows_points(camera, packet, box, inv_z, slack, __float_as_uint(p.nearest_inv_z())))
+            !shows_points(camera, packet, box, inv_z, p.slack, __float_as_uint(p.nearest_inv_z())))
             return Child{0, 0};
         Child child = child_of(p.nearest_inv_z(), (int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         if (p.crossing) child.pixels |= PixelRect::ANYWHERE;
         if (RAY_TABLE && !p.crossing && PixelRect::few(child.pixels) &&
-            !meets_few(camera, packet, child.pixels, box, inv_z, slack))
+            !meets_few(camera, packet, child.pixels, box, inv_z, p.slack))
             return Child{0, 0};
         return child;
     }
@@ -209,11 +208,12 @@ struct Walk {
     static inline bool hidden(const Packet& packet, unsigned visit) { return !Warp::any(open_block(packet, visit)); }
     // Whether a ray passes through bounds of few pixels; true for more pixels.
     static inline bool meets_rays(const Camera& camera, const Packet& packet, const ImageBox& box, float inv_z) {
-        const float rounding = Setup::rounding_of(camera), slack = camera.wider(rounding);
+        const float rounding = Setup::rounding_of(camera);
         ImageBox wide = box;
         wide.widen(camera.origins.aside_at(inv_z));
         const float u = camera.first_u + (float)packet.first_x, v = camera.first_v + (float)packet.first_y;
-        const PixelBounds in = wide.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, slack, false);
+        const PixelBounds in =
+            wide.pixels({u, v}, {PACKET_WIDTH - 1.0f, PACKET_HEIGHT - 1.0f}, camera.wider(rounding), false);
         const unsigned pixels = PixelRect::of((int)in.left, (int)in.top, (int)in.right, (int)in.bottom);
         return !PixelRect::few(pixels) || meets_few(camera, packet, pixels, box, inv_z, rounding);
     }

@@ -47,8 +47,9 @@ class PacketImages:
     """Positions of rays in the image, from the principal point [px], shape (packets, slots, 2)."""
     first: NDArray[np.float64]
     """Position of the center of each image's first pixel [px], shape (packets, 2)."""
-    spread: NDArray[np.float64]
-    """Maximum distance of rays from pixel centers [px], shape (packets); infinite if a ray is too far off the axis."""
+    axis_spread: NDArray[np.float64]
+    """Maximum distances of rays from pixel centers along each axis [px], shape (packets, 2); infinite if a ray is too
+    far off the axis."""
     matrix: NDArray[np.float64]
     """Transformations from the table's camera frame to the images, shape (packets, 3, 3)."""
 
@@ -56,6 +57,11 @@ class PacketImages:
     def rounded(self) -> NDArray[np.float32]:
         """Positions of rays in single precision."""
         return self.positions.astype(np.float32)
+
+    @property
+    def spread(self) -> NDArray[np.float64]:
+        """Maximum distance along either axis, shape (packets)."""
+        return self.axis_spread.max(axis=-1)
 
     def frames(self, side: int) -> NDArray[np.float64]:
         """Return the words of a ``TableFrame`` (``native/cuda/table.h``) in each row, for images of a side [px]."""
@@ -65,7 +71,7 @@ class PacketImages:
             self.matrix.reshape(-1, 9),
             np.linalg.inv(self.matrix).transpose(0, 2, 1).reshape(-1, 9),
             self.first,
-            self.spread[:, None],
+            self.axis_spread,
             np.linalg.norm(self.matrix[:, :2], axis=-1),
             np.where(self.occupied, self.forward, 0.0).max(axis=1)[:, None],
             np.full((len(self.place), 1), side),
@@ -97,7 +103,7 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
     # pinhole along an axis fit best in that image.
     bases = np.stack([_basis(directions), _basis(_nearest_axes(directions))])
     fits = [_fit(packet_rays, basis, pixels) for basis in bases]
-    best = np.argmin([fit.spread for fit in fits], axis=0)
+    best = np.argmin([fit.axis_spread.max(axis=-1) for fit in fits], axis=0)
     index = np.arange(len(place))
     basis, mirrored = bases[best, index], np.array([np.linalg.det(fit.linear) < 0 for fit in fits])[best, index]
     # Mirror the packet back: in a mirrored image, triangles would be seen from behind.
@@ -106,7 +112,7 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
     positions = np.where(fit.occupied[..., None], fit.positions @ fit.linear.transpose(0, 2, 1), fit.centers)
     matrix = basis.copy()
     matrix[:, :2] = fit.linear @ basis[:, :2]
-    return PacketImages(place, fit.occupied, fit.forward, positions, fit.first, fit.spread + _MARGIN, matrix)
+    return PacketImages(place, fit.occupied, fit.forward, positions, fit.first, fit.axis_spread + _MARGIN, matrix)
 
 
 def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketImages:
@@ -126,7 +132,8 @@ def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketIma
     matrix[:, :2] = linear @ basis[:, :2]
     first = low * scale - _MARGIN
     image_positions = np.where(occupied[..., None], positions @ linear.transpose(0, 2, 1), first[:, None] + _MARGIN)
-    return PacketImages(place, occupied, forward, image_positions, first, np.full(len(place), _POINT_SPREAD), matrix)
+    spread = np.full((len(place), 2), _POINT_SPREAD)
+    return PacketImages(place, occupied, forward, image_positions, first, spread, matrix)
 
 
 def _tightest_rotation(positions: NDArray, occupied: NDArray[np.bool_]) -> tuple[NDArray, NDArray, NDArray]:
@@ -206,8 +213,8 @@ class _Fit:
     """Position of the center of each packet's first pixel, shape (packets, 2)."""
     centers: NDArray[np.float64]
     """Positions of the centers of all pixels, shape (packets, pixels, 2)."""
-    spread: NDArray[np.float64]
-    """Maximum distance of rays from pixel centers, shape (packets); infinite if a ray is too far off the axis."""
+    axis_spread: NDArray[np.float64]
+    """Maximum distances of rays from pixel centers, shape (packets, 2); infinite if a ray is too far off the axis."""
 
 
 def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
@@ -235,5 +242,5 @@ def _fit(rays: NDArray, basis: NDArray, pixels: NDArray) -> _Fit:
     first = np.einsum("pab,pb->pa", linear, mean) - grid_mean
     centers = first[:, None] + pixels
     error = np.abs(positions @ linear.transpose(0, 2, 1) - centers) * occupied[..., None]
-    spread = np.where(off_axis, np.inf, error.max(axis=(1, 2), initial=0))
-    return _Fit(occupied, forward, positions, linear, first, centers, spread)
+    axis_spread = np.where(off_axis[:, None], np.inf, error.max(axis=1, initial=0))
+    return _Fit(occupied, forward, positions, linear, first, centers, axis_spread)

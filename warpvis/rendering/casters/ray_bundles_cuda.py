@@ -14,7 +14,7 @@ from warpvis.rendering.casters.found_objects_cuda import nothing_found
 from warpvis.rendering.casters.packed_launch_cuda import PackedPackets
 from warpvis.rendering.casters.packet_images_cuda import POINTS_SIDE
 from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, takes_packets
-from warpvis.rendering.casters.single_rays_cuda import sort_rays
+from warpvis.rendering.casters.single_rays_cuda import rays_in_order, takes_sorted_rays
 from warpvis.rendering.casters.sorted_rays_cuda import POINTS, PreparedPackets, prepare_packets
 
 if TYPE_CHECKING:
@@ -44,10 +44,12 @@ class CudaRayBundleCaster(RayBundleCaster):
             super().cast(views, images)
             return
         scene = self._scene.bvh(faces="faces" in images).struct
-        single = self._single_rays if scene.drawn_count == 0 else None
-        if single is not None and self._sorts(views, single.rays.shape[0]):
-            self._cast_packets(scene, self._prepared(split=True), views, images)
-            self._cast_sorted(single, "single rays", views, images)
+        if scene.drawn_count == 0 and takes_sorted_rays(self._options, views, self._camera.width * self._camera.height):
+            prepared, single = self._prepared(split=True), self._single_rays
+            if prepared.count(_MIN_SIDE):
+                self._cast_packets(scene, prepared, views, images)
+            if single is not None:
+                self._cast_sorted(single, "single rays", views, images)
         elif self._uses_single_rays(views.worlds):
             super().cast(views, images)
         else:
@@ -98,7 +100,7 @@ class CudaRayBundleCaster(RayBundleCaster):
 
         def make() -> SortedRays | None:
             index = self._prepared(split=True).single
-            return sort_rays(camera, index, device) if len(index) else None
+            return rays_in_order(camera, index, device) if len(index) else None
 
         return camera.prepared(("single rays", device.alias), make)
 

@@ -105,16 +105,17 @@ class RayBundleCaster(RaysCaster):
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views; image points are unprojected on the host."""
         if views.pixels is None:
-            count = self._camera.width * self._camera.height
-            if self._scene.device.is_cuda and views.count * count >= MIN_RAYS and self._sorts(views, count):
+            if self._scene.device.is_cuda and self._sorts(views):
                 self._cast_sorted(sorted_rays(self._camera, self._scene.device), "sorted rays", views, images)
             else:
                 self._cast_along(views, self._rays, self._origins, images)
             return
         self.cast_along(views, rays_through(self._camera, views.pixels, self._scene.device), images)
 
-    def _sorts(self, views: ViewBatch, rays: int) -> bool:
-        return takes_sorted_rays(self._scene.triangles().struct, self._options, views, rays)
+    def _sorts(self, views: ViewBatch) -> bool:
+        rays, triangles = self._camera.width * self._camera.height, self._scene.triangles().struct
+        still = triangles.movable_count == 0 and triangles.instance_count == 0
+        return still and views.count * rays >= MIN_RAYS and takes_sorted_rays(self._options, views, rays)
 
     def _cast_sorted(self, rays: SortedRays, name: str, views: ViewBatch, images: ImagesByName) -> None:
         """Cast sorted rays, which have a name among those of the camera."""

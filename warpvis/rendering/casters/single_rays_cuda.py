@@ -14,15 +14,13 @@ from warpvis.cameras.rays import RayCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.rendering.casters.packed_launch_cuda import PosesSlot, StructSlot
-from warpvis.rendering.casters.sorted_rays_cpu import split_rays
+from warpvis.rendering.casters.ray_order_cuda import sorted_order
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.sorted_rays import SortedRays
     from warpvis.kernels.casting.triangle_scene import TriangleScene
     from warpvis.kernels.casting.worlds import Worlds
 
-# Bits of a position along each axis of a cube face.
-_BITS = 12
 # Maximum number of listed rays with a close hit; if there are more, all rays are cast again.
 _MAX_CLOSE = 1 << 14
 # Number of threads that cast them.
@@ -34,11 +32,10 @@ MIN_RAYS = 1 << 17
 """Number of rays of a call from which sorting gains more than a second launch takes."""
 
 
-def takes_sorted_rays(triangles: TriangleScene, options: CastOptions, views: ViewBatch, rays: int) -> bool:
-    """Return whether `PackedRays` support a call with a number of rays per view."""
-    moves = triangles.movable_count > 0 or triangles.instance_count > 0
+def takes_sorted_rays(options: CastOptions, views: ViewBatch, rays: int) -> bool:
+    """Return whether `PackedRays` support a call with a number of rays per view, if objects have no own frames."""
     ignores_hits = options.cull_backfaces or options.clip_near or views.worlds.excluded is not None
-    return not (moves or ignores_hits) and 0 < views.count * rays <= _MAX_RAYS
+    return not ignores_hits and 0 < views.count * rays <= _MAX_RAYS
 
 
 class PackedRays:
@@ -78,34 +75,24 @@ class PackedRays:
 
 
 def sorted_rays(camera: RayCamera, device: wp.Device) -> SortedRays:
-    """Return the rays of a camera on a device, sorted by direction; copied there once."""
-    return camera.prepared(
-        ("sorted rays", device.alias), lambda: sort_rays(camera, np.arange(camera.width * camera.height), device)
-    )
+    """Return the rays of a camera on a device, sorted; copied there once."""
+
+    def make() -> SortedRays:
+        shape, origins = (camera.height, camera.width, 3), camera.origins
+        order = sorted_order(camera.rays.reshape(shape), None if origins is None else origins.reshape(shape))
+        return rays_in_order(camera, order, device)
+
+    return camera.prepared(("sorted rays", device.alias), make)
 
 
-def sort_rays(camera: RayCamera, index: NDArray[np.int64], device: wp.Device) -> SortedRays:
-    """Copy rays of a camera to a device, sorted by direction; `index` are their indices in its table."""
+def rays_in_order(camera: RayCamera, place: NDArray[np.int64], device: wp.Device) -> SortedRays:
+    """Copy rays of a camera to a device; `place` are their indices in its table."""
     from warpvis.kernels.casting.sorted_rays import SortedRays
 
     rays, result = camera.rays.reshape(-1, 3), SortedRays()
-    place = index[order_of(rays[index])]
     result.place = wp.array(place.astype(np.int32), dtype=wp.int32, device=device)
     result.rays = wp.array(rays[place], dtype=wp.vec3d, device=device)
     if camera.origins is not None:
         result.origins = wp.array(camera.origins.reshape(-1, 3)[place], dtype=wp.vec3d, device=device)
     result.width = camera.width
     return result
-
-
-def order_of(rays: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the order of rays, shape (N, 3), along a Z-order curve on the faces of a cube; NaN rays come first."""
-    split = split_rays(rays[None])
-    with np.errstate(invalid="ignore"):
-        low, high = (limit(split.positions, axis=0) for limit in (np.nanmin, np.nanmax))
-        cells = (split.positions - low) * ((2**_BITS - 1) / max(float((high - low).max()), 1e-12))
-        cells = np.where(np.isfinite(cells), cells, 0.0).astype(np.int64)
-    code = split.face.ravel().astype(np.int64) << (2 * _BITS)
-    for bit in range(_BITS):
-        code |= (cells[:, 0] >> bit & 1) << (2 * bit) | (cells[:, 1] >> bit & 1) << (2 * bit + 1)
-    return np.argsort(code, kind="stable")

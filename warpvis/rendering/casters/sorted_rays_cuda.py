@@ -103,7 +103,7 @@ def prepare_packets(
     flat, index, maker = _flat(rays), _indices(rays), _Maker(rays, origins, device)
     grouped = index
     if origins is not None:
-        unrolled = _unrolled(index, flat)
+        unrolled = unroll_rows(index, flat)
         grouped = group_rows(unrolled, flat, origins.reshape(-1, 3), _SMALL_SIDE)
         grouped = index if grouped is unrolled else grouped
     large = np.zeros((0, _LARGE_SIDE**2), dtype=np.int64)
@@ -115,7 +115,8 @@ def prepare_packets(
     places, single = [(_LARGE_SIDE, large), (_SMALL_SIDE, small)], np.zeros(0, dtype=np.int64)
     if max_eye_offset is not None:
         near = [maker.eye_offsets_of(place, side) <= max_eye_offset for side, place in places]
-        others = [place[~is_near] for (_, place), is_near in zip(places, near, strict=True)]
+        # Warps of single rays are blocks of squares.
+        others = [place[~is_near][:, z_buffer_order(side)] for (side, place), is_near in zip(places, near, strict=True)]
         single = np.concatenate([part.ravel() for part in (scattered, *others)])
         single, scattered = single[single >= 0], scattered[:0]
         places = [(side, place[is_near]) for (side, place), is_near in zip(places, near, strict=True)]
@@ -184,7 +185,7 @@ class _Maker:
 
     def windows(self, groups: list[_SquareImages], side: int) -> RayPackets:
         """Create packets of a side from square images, with slots in the order of the z-buffer."""
-        order, cuts, windows, first = _z_buffer_order(side), [], [], 0
+        order, cuts, windows, first = z_buffer_order(side), [], [], 0
         for group in groups:
             count, columns = len(group.images.place), group.side // side
             image, y, x = np.indices((count, columns, columns)).reshape(3, -1)
@@ -233,9 +234,9 @@ class _Maker:
 
 def _near_blocks(index: NDArray[np.int64], rays: NDArray, side: int, max_spread: float) -> NDArray[np.int64]:
     """Cut a table into squares; return those whose rays pass near pixel centers, shape (packets, pixels)."""
-    unrolled = _unrolled(index, rays)
+    unrolled = unroll_rows(index, rays)
     tables = [index] if (unrolled == index).all() else [index, unrolled]
-    cuts = [_blocks(table, side) for table in tables]
+    cuts = [cut_table(table, side) for table in tables]
     images = [fit_grid(place, rays, side) for place in cuts]
     best = int(np.argmin([np.median(image.spread) for image in images]))
     near = (images[best].spread <= max_spread) & (middle_cosines(images[best], rays) >= _MIN_COSINE)
@@ -259,7 +260,7 @@ def _arrange(
     return np.concatenate([place, squares[near], _padded(without, side * side)]), points
 
 
-def _unrolled(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
+def unroll_rows(index: NDArray[np.int64], rays: NDArray[np.float64]) -> NDArray[np.int64]:
     """Roll each row of a table to align its directions with the first row's: lidar beams have azimuth offsets."""
     waves = np.fft.rfft(np.where((index >= 0)[..., None], rays[index], 0.0), axis=1)
     alike = np.fft.irfft((waves * waves[:1].conj()).sum(axis=-1), n=index.shape[1], axis=1)
@@ -329,7 +330,7 @@ def _as_squares(halved: NDArray[np.int64]) -> NDArray[np.int64]:
     return halved.reshape(-1, *((2,) * levels)).transpose(0, *rows, *columns).reshape(-1, size)
 
 
-def _z_buffer_order(side: int) -> NDArray[np.int64]:
+def z_buffer_order(side: int) -> NDArray[np.int64]:
     """Return the pixel, row by row, of each z-buffer entry: the inverse of the index in ``native/cuda/image.h``."""
     y, x = np.divmod(np.arange(side * side), side)
     columns = side // _BLOCK_WIDTH
@@ -346,7 +347,7 @@ def _cut(values: NDArray, columns: int, side: int) -> NDArray:
     return cells.reshape(-1, side * side, *rest)
 
 
-def _blocks(index: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def cut_table(index: NDArray[np.int64], side: int) -> NDArray[np.int64]:
     """Cut a table of indices into squares, padded with -1, shape (packets, pixels)."""
     height, width = index.shape
     index = np.pad(index, ((0, -height % side), (0, -width % side)), constant_values=-1)
