@@ -249,7 +249,9 @@ def make_ray_packet_kernel(
     options = native_options(
         "cuda/table.h", side, with_id, movable, resized, ray_table=True, points=points, origins=origins
     )
-    return _make_kernel(BUNDLE, RayRange, RayPackets, _max_registers(movable), options)
+    # Distinct origins take more registers: with 96, an OS0-128 is up to 1.14 times as fast as with 80 (H100).
+    registers = _max_registers(movable or origins)
+    return _make_kernel(BUNDLE, RayRange, RayPackets, registers, options)
 
 
 def _max_registers(movable: bool, *, is_wide_image: bool = False, with_id: bool = False) -> int:

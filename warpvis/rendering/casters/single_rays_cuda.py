@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _MAX_CLOSE = 1 << 14
 # Number of threads that cast them.
 _CLOSE_THREADS = 1 << 14
-# Of all casters with one query per thread; see `warpvis.core.threads`.
+# Threads of a block, as in all casters with one query per thread; see `warpvis.core.threads`.
 _BLOCK = 64
 _MAX_RAYS = 2**31 - 1
 MIN_RAYS = 1 << 17

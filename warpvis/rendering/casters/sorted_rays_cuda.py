@@ -7,7 +7,7 @@ Used by ``kernels/native/cuda/table.h``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -202,7 +202,7 @@ class _Maker:
         return _SquareImages(side, images, eyes)
 
     def _put(
-        self, groups: list[_SquareImages], windows: NDArray[np.int64], cuts: list[Callable[[NDArray], NDArray]]
+        self, groups: list[_SquareImages], windows: NDArray[np.int64], cuts: Sequence[Callable[[NDArray], NDArray]]
     ) -> RayPackets:
         """Copy packets to the device; `cuts` convert the rows of each group's images to those of its packets."""
         from warpvis.kernels.casting.packets_cuda import RayPackets
