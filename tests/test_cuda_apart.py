@@ -173,6 +173,15 @@ def test_packet_eyes_of_lidars_are_close_to_their_rays(name):
     assert len(np.unique(np.concatenate(found))) == len(rays)
 
 
+def test_oblique_rays_pass_close_to_their_eye():
+    """The eye moves back along a packet's rays, not along the axis of its image, which may be oblique to them."""
+    lidar = lidars.hdl64e()
+    shape = (lidar.height, lidar.width, 3)
+    prepared = prepare_packets(lidar.rays.reshape(shape), wp.get_device("cpu"), lidar.origins.reshape(shape))
+    for _, packets in prepared.packets:
+        assert packets.eyes.numpy()[:, 3:5].max() < 1.0  # [px m]
+
+
 def test_lasers_with_similar_origins_share_packets():
     """On an HDL-64E, half of the lasers are left of the axis and half are right."""
     lidar = lidars.hdl64e()

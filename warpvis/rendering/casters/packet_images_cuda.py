@@ -98,7 +98,7 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
         side: Number of pixels of an image along each axis.
     """
     packet_rays, pixels = _rays_of(place, rays), _grid(side)
-    directions = _mean_directions(packet_rays)
+    directions = mean_directions(packet_rays)
     # Most packets fit best in an image that faces their rays; rays that were sorted by their position in the image of a
     # pinhole along an axis fit best in that image.
     bases = np.stack([_basis(directions), _basis(_nearest_axes(directions))])
@@ -118,7 +118,7 @@ def fit_grid(place: NDArray[np.int64], rays: NDArray[np.float64], side: int) -> 
 def fit_points(place: NDArray[np.int64], rays: NDArray[np.float64]) -> PacketImages:
     """Rotate and scale images so that rays, zeros for none, just fill them; the arguments are those of `fit_grid`."""
     packet_rays = _rays_of(place, rays)
-    occupied, basis = (packet_rays != 0).any(axis=-1), _basis(_mean_directions(packet_rays))
+    occupied, basis = (packet_rays != 0).any(axis=-1), _basis(mean_directions(packet_rays))
     flat = np.einsum("prk,pik->pir", basis, packet_rays)
     forward = np.where(occupied, flat[..., 2], 1.0)
     positions = flat[..., :2] / forward[..., None]
@@ -168,7 +168,7 @@ def _grid(side: int) -> NDArray[np.float64]:
     return np.stack([x, y], axis=-1).astype(np.float64)
 
 
-def _mean_directions(rays: NDArray[np.float64]) -> NDArray[np.float64]:
+def mean_directions(rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the mean directions of packets as unit vectors, ignoring zeros."""
     length = np.linalg.norm(rays, axis=-1, keepdims=True)
     total = (rays / np.where(length > 0, length, 1)).sum(axis=1)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.rendering.casters.packet_images_cuda import PacketImages
+from warpvis.rendering.casters.packet_images_cuda import PacketImages, mean_directions
 
 # Regularization weight that draws an eye to the mean of its rays' origins; for parallel rays, the nearest point is not
 # unique along the rays.
@@ -55,12 +55,15 @@ def find_eyes(images: PacketImages, rays: NDArray[np.float64], origins: NDArray[
 
     occupied = images.occupied[..., None]
     ray_origins = np.where(occupied, origins[images.place], 0.0)
-    eyes = _nearest_points(np.where(occupied, rays[images.place], 0.0), ray_origins, images.occupied)
+    packet_rays = np.where(occupied, rays[images.place], 0.0)
+    eyes = _nearest_points(packet_rays, ray_origins, images.occupied)
     forward = images.matrix[:, 2]
     first_z = np.where(images.occupied, np.einsum("pk,pik->pi", forward, ray_origins - eyes[:, None]), np.inf).min(
         axis=1
     )
-    eyes += np.minimum(first_z, 0.0)[:, None] * forward
+    # Back along the middle of the rays: moved along the axis of the image, oblique rays would pass the eye far away.
+    middle = mean_directions(packet_rays)
+    eyes += (np.minimum(first_z, 0.0) / (middle * forward).sum(axis=-1))[:, None] * middle
     offsets = np.where(occupied, ray_origins - eyes[:, None], 0.0)
     local = np.einsum("prk,pik->pir", images.matrix, offsets)
     crossing = np.where(occupied, local[..., :2] - images.positions * local[..., 2:], 0.0)
