@@ -101,8 +101,10 @@ def test_moving_packets_match_single_rays(name):
     path = drive(rng, 1, 40)
     starting = Motion(path.at(np.linspace(0, TURN, 40))[:, 0], np.linspace(0, 0.4, 40), starts=[0.0, 0.1, 0.25])
     worlds, seen = {"object_poses": rows, "exclude": ["moved_1"]}, set()
+    per_ray = Motion.per_ray(np.moveaxis(twist(rng, 3).at(camera.times), -2, 0))
     for there, motion, more in (
         (room, twist(rng, 3), {"cull_backfaces": True}),
+        (scene, per_ray, worlds),
         (scene, twist(rng, 3), worlds),
         (scene, starting, {**worlds, "world_index": [2, 0, 1]}),
     ):
@@ -118,6 +120,21 @@ def test_moving_packets_match_single_rays(name):
         seen.update(packets.segmentation.numpy().ravel().tolist())
         assert not remaining_views(wv.Renderer(there, camera), motion).all()  # a view is at the floor
     assert len(seen) > 3
+
+
+@pytest.mark.parametrize("shared", ["rows", "columns", "view"])
+def test_packets_share_poses_of_rays(shared, monkeypatch):
+    """Poses of columns, of rows, and one for each view, of a camera without times."""
+    scene, camera = wv.scenes.PRESETS["room"].build(), wv.Camera.from_fov(150, 110, hfov=1.1)
+    shape = {"rows": (110, 1), "columns": (1, 150), "view": (1, 1)}[shared]
+    poses = [wv.look_at((0, 0, 1.0), (2, 0.5, 0.9)), wv.look_at((0.5, 0.2, 0.8), (-1, 1, 1))]
+    path = Motion.from_twist(poses, (1, 0, 2), (0, 1, 0)).at(np.linspace(0, TURN, max(shape)))
+    motion = Motion.per_ray(np.moveaxis(path, 1, 0).reshape(2, *shape, 7))
+    rays = wv.render(scene, camera, motion, outputs=IMAGES, caster="rays")
+    monkeypatch.setattr(MovingCaster, "_cast_single_rays", refuse)
+    packets = wv.render(scene, camera, motion, outputs=IMAGES)
+    assert not wrong_depth(packets.depth.numpy(), rays.depth.numpy().astype(np.float64)).any()
+    assert (packets.faces.numpy() != rays.faces.numpy()).mean() <= 1e-4
 
 
 def crowd(rng, solids):

@@ -159,8 +159,10 @@ def test_rows_match_images_from_their_poses(device):
     rows = np.array([wv.look_at(eye, (0.5, 0.4, 0.3)) for eye in eyes])
     whole = wv.render(scene, CAMERA, rows, caster="rays", outputs=ALL)
     by_time = wv.render(scene, shutter, Motion(rows, shutter.times[:, 0].tolist()), caster="rays", outputs=ALL)
-    of_rows = wv.render(scene, CAMERA, Motion.per_ray(rows[:, None]), outputs=ALL)
-    of_rays = wv.render(scene, CAMERA, Motion.per_ray(np.repeat(rows[None, :, None], 64, axis=2)), outputs=ALL)
+    of_rows, of_rays = (
+        wv.render(scene, CAMERA, Motion.per_ray(poses), caster="rays", outputs=ALL)
+        for poses in (rows[:, None], np.repeat(rows[None, :, None], 64, axis=2))
+    )
     index = np.arange(48)
     each = wv.Views(**{n: wp.array(getattr(whole, n).numpy()[index, index][None], device=device) for n in ALL})
     for views in (by_time, of_rows, of_rays):

@@ -167,22 +167,50 @@ struct RelativeLeg {
     }
 };
 
-// The legs of a `Motion` of kernels/casting/motions.py.
+// Poses of individual rays: [view][y][x], where any dimension may be 1 to share poses; null if a sensor follows legs.
+struct RayPoses {
+    const float* pose;
+    int views, height, width;
+    int image_width;  // [px]
+
+    inline int row(int view, int pixel) const {
+        const int y = pixel / image_width, x = pixel % image_width;
+        return ((views > 1 ? view : 0) * height + (height > 1 ? y : 0)) * width + (width > 1 ? x : 0);
+    }
+    inline Pose of(int row) const { return Pose::from(pose + 7ll * row); }
+    // Set the frames of lanes whose rows have changed, relative to a pose, which is that of rows below 0.
+    inline void update(const int* rows, const Pose& reference, int* known, RayFrames& frames) const {
+        for (int k = 0; k < SOME; ++k) {
+            if (rows[k] == known[k]) continue;
+            known[k] = rows[k];
+            const Pose here = (rows[k] < 0 ? reference : of(rows[k])).seen_from(reference);
+            for (int i = 0; i < 3; ++i) {
+                for (int j = 0; j < 3; ++j) frames.row[i][j][k] = here.axis[j][i];
+                frames.origin[i][k] = here.position[i];
+            }
+        }
+    }
+};
+
+// A `Motion` of kernels/casting/motions.py.
 struct SensorMotion {
     const SensorLeg* legs;  // [instant][view], or one for all views; [instant][world][object]
     int rows, instants;  // of legs
     const double *times, *starts;  // [instant]; [view]: start of its frame [s]; null if there is one instant, or for 0
     bool is_screw;
+    RayPoses of_rays;
 
     template <class Motion>
-    static inline SensorMotion of(const Motion& motion) {
+    static inline SensorMotion of(const Motion& motion, int image_width = 1) {
         static_assert(sizeof *motion.legs.data == sizeof(SensorLeg), "Python stores rows of numbers");
         return SensorMotion{(const SensorLeg*)motion.legs.data,
                             motion.legs.shape[1] * motion.legs.shape[2],
                             motion.legs.shape[0],
                             motion.times.data,
                             motion.starts.data,
-                            motion.is_screw};
+                            motion.is_screw,
+                            {(const float*)motion.poses.data, motion.poses.shape[0], motion.poses.shape[1],
+                             motion.poses.shape[2], image_width}};
     }
 };
 
@@ -191,10 +219,11 @@ struct SensorPath {
     const SensorMotion& motion;
     int row;
     double start;  // of the view's frame [s]
+    int view = 0;
 
     static inline SensorPath of(const SensorMotion& motion, int view) {
         return SensorPath{motion, view < motion.rows ? view : motion.rows - 1,
-                          motion.starts ? motion.starts[view] : 0.0};
+                          motion.starts ? motion.starts[view] : 0.0, view};
     }
     inline const SensorLeg& leg(int instant) const { return motion.legs[(long long)instant * motion.rows + row]; }
     // The last leg that has begun at a time, or the first one.

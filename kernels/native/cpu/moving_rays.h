@@ -22,7 +22,7 @@ struct MovingJob : TableJob {
         MovingJob job = {TableJob::of(call)};
         job.views = call.moving.left.shape[0];
         job.rays = TimedRays::of(call.moving);
-        job.motion = SensorMotion::of(call.sensor);
+        job.motion = SensorMotion::of(call.sensor, job.width);
         job.objects = SensorMotion::of(call.objects);
         job.touched = call.moving.touched.data;
         job.left = call.moving.left.data;
@@ -70,8 +70,9 @@ struct MovingBundles {
         const RayTree rest = table.tree_of(number);
         const SensorPath path = SensorPath::of(table.motion, index);
         const double *span = table.rays.span + 2 * number, middle = 0.5 * (span[0] + span[1]) + path.start;
-        Pose pose = bundle.face(path.at(middle));
         MovingTreeMaker made = {memory.tree, rest, bundle, (float)table.focal[0], span[0], span[1]};
+        const RayPoses& of_rays = table.motion.of_rays;
+        Pose pose = bundle.face(of_rays.pose ? of_rays.of(of_rays.row(index, made.middle_pixel())) : path.at(middle));
         const long long first = (long long)bundle.first_group * (LANES * LANES * LANES);
         if (!made.make(table.rays, path, pose, middle, first)) {
             table.left[index] = 1;

@@ -84,11 +84,14 @@ struct LaneRange {
 // The frames of a packet's rays at their times.
 struct KnownFrames {
     enum { PARTS = LANES / SOME };
+    enum { UNKNOWN = -2 };
     Some time[PARTS];
+    int row[LANES];  // of poses of individual rays; -1 without a ray
     RayFrames frames[PARTS];
 
     inline KnownFrames() {
         for (Some& unknown : time) unknown = (Some)(__builtin_nan(""));
+        for (int& unknown : row) unknown = UNKNOWN;
     }
 };
 
@@ -100,7 +103,7 @@ struct MovingTreeMaker {
     const Bundle& bundle;
     float focal;
     double earliest, latest;  // times of rays
-    int tiles;
+    int tiles = bundle.groups * LANES;
     LaneRange from[3];  // origins of rays
     LaneRange per_z;  // 1 / z of directions of depth 1
     float eye[3], max_p = 0.0f, max_q = 0.0f, max_origin_z = 0.0f;
@@ -116,7 +119,6 @@ struct MovingTreeMaker {
     // Whether a tree could be built. It is not if the sensor moves too far, or rotates too much.
     inline bool make(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
                      long long first) {
-        tiles = bundle.groups * LANES;
         if (!move(rays, path, reference, middle, first)) return false;
         for (int i = 0; i < 3; ++i)
             if (!(from[i].greatest() - from[i].least() <= CPU_MAX_ORIGIN_EXTENT)) return false;
@@ -149,9 +151,9 @@ struct MovingTreeMaker {
         return box.u0 >= -reach && box.v0 >= -reach && box.u1 <= reach && box.v1 <= reach;
     }
 
-    // First pass. The legs of all rays are between those of the first and the last time.
-    inline bool move(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
-                     long long first) {
+    // The legs of all rays, which are between those of the first and the last time; false if there are too many, or the
+    // sensor rotates too much.
+    inline bool find_legs(const SensorPath& path, const Pose& reference, double middle) {
         const int first_leg = path.leg_at(earliest + path.start);
         legs = path.leg_at(latest + path.start) - first_leg + 1;
         if (legs > MAX_LEGS) return false;
@@ -161,7 +163,12 @@ struct MovingTreeMaker {
             const double end = k + 1 == legs ? latest + path.start : leg[k + 1].begin;
             most = __builtin_fmax(most, __builtin_fmax(leg[k].square_at(begin), leg[k].square_at(end)));
         }
-        if (!(most <= SmallAngle::MAX_SQUARE)) return false;
+        return most <= SmallAngle::MAX_SQUARE;
+    }
+    // First pass.
+    inline bool move(const TimedRays& rays, const SensorPath& path, const Pose& reference, double middle,
+                     long long first) {
+        if (!path.motion.of_rays.pose && !find_legs(path, reference, middle)) return false;
         KnownFrames known;
         // Local, because ranges in memory would be updated by masked stores, which are slow.
         LaneRange places[3], inverses;
@@ -171,7 +178,7 @@ struct MovingTreeMaker {
                 // By columns of packets, whose times are the same if a sensor measures its columns one by one.
                 const int slot =
                     slots + (k % RayFit::PACKETS_ACROSS * RayFit::PACKETS_ACROSS + k / RayFit::PACKETS_ACROSS) * LANES;
-                if (Lanes::any(has_ray(slot))) move_packet(rays, path.start, first + slot, slot, known);
+                if (Lanes::any(has_ray(slot))) move_packet(rays, path, reference, first + slot, slot, known);
             }
             // Only now, because numbers that were just stored in parts cannot be loaded as a whole without a stall.
             for (int slot = slots; slot < end; slot += LANES) {
@@ -187,15 +194,24 @@ struct MovingTreeMaker {
     }
     inline Ints has_ray(int slot) const { return Lanes::load(rest.place + slot) >= Lanes::all_ints(0); }
     // Neighbors often share times.
-    inline void move_packet(const TimedRays& rays, double start, long long first, int slot, KnownFrames& known) {
+    inline void move_packet(const TimedRays& rays, const SensorPath& path, const Pose& reference, long long first,
+                            int slot, KnownFrames& known) {
+        const RayPoses& of_rays = path.motion.of_rays;
         for (int part = 0; part < LANES; part += SOME) {
             const long long ray = first + part;
             const Some time = TimedRays::some(rays.time + ray);
             Some& known_time = known.time[part / SOME];
             RayFrames& frames = known.frames[part / SOME];
-            if (__builtin_reduce_or(time != known_time)) {
+            if (of_rays.pose) {
+                int rows[SOME];
+                for (int k = 0; k < SOME; ++k) {
+                    const int pixel = rest.place[slot + part + k];
+                    rows[k] = pixel < 0 ? -1 : of_rays.row(path.view, pixel);
+                }
+                of_rays.update(rows, reference, known.row + part, frames);
+            } else if (__builtin_reduce_or(time != known_time)) {
                 known_time = time;
-                frames = frames_at(time + start);
+                frames = frames_at(time + path.start);
             }
             Some along[3], direction[3], origin[3];
             for (int i = 0; i < 3; ++i) along[i] = TimedRays::some(rays.direction + i * rays.count + ray);
@@ -305,6 +321,15 @@ struct MovingTreeMaker {
                       Lanes::max_of(Lanes::load(rows + 2 * LANES)), Lanes::max_of(Lanes::load(rows + 3 * LANES))};
     }
 
+    // A pixel whose ray is about in the middle of the bundle.
+    inline int middle_pixel() const {
+        const int slots = tiles * (LANES * LANES);
+        for (int k = 0; k < slots; ++k) {
+            const int pixel = rest.place[(slots / 2 + k) % slots];
+            if (pixel >= 0) return pixel;
+        }
+        return 0;
+    }
     inline int rays() const {
         int count = 0;
         for (int slot = 0; slot < tiles * (LANES * LANES); slot += LANES)

@@ -66,11 +66,10 @@ class MovingPackets(CpuCaster):
     def takes(self, views: ViewBatch) -> bool:
         """Return whether packets can cast the rays of these views.
 
-        They cannot if each ray has an individual pose; and, as for other rays with distinct origins, if worlds scale
-        objects, or near surfaces are cut away.
+        As for other rays with distinct origins, they cannot if worlds scale objects, or near surfaces are cut away.
         """
         clips = self._options.clip_near and self._camera.near > 0
-        return not (views.poses.sensor.poses or clips or views.worlds.object_sizes)
+        return not (clips or views.worlds.object_sizes)
 
     def cast_motion(
         self, motion: MotionStruct, objects: MotionStruct | None, views: ViewBatch, images: ImagesByName
