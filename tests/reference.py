@@ -109,6 +109,7 @@ from reference_motion import (  # noqa: F401
     measure_moving_incidence,
 )
 from reference_moving_occluders import clear_hidden_worlds  # noqa: F401
+from reference_moving_packets import mark_touched_rays, move_packet_rays, place_moving_packets  # noqa: F401
 from reference_mujoco import (  # noqa: F401
     camera_transforms,
     geom_sizes,
@@ -265,8 +266,8 @@ def cast_rays_at(
 cast_packets = cast_packets_cuda = cast_rays
 cast_remapped_packets = cast_rays_at
 cast_table_packets = cast_ray_origin_packets = cast_sorted_rays = cast_close_rays = cast_ray_table
-cast_moving_ray_packets = cast_moving_rays
-cast_touched_rays = cast_at_moving_objects
+cast_moving_ray_packets = cast_remaining_rays = cast_moving_rays
+cast_touched_rays = cast_remaining_at_objects = cast_at_moving_objects
 
 
 def _cast(

@@ -178,7 +178,7 @@ def test_oblique_rays_pass_close_to_their_eye():
     lidar = lidars.hdl64e()
     shape = (lidar.height, lidar.width, 3)
     prepared = prepare_packets(lidar.rays.reshape(shape), wp.get_device("cpu"), lidar.origins.reshape(shape))
-    for _, packets in prepared.packets:
+    for _, packets in prepared.packets(16):
         assert packets.eyes.numpy()[:, 3:5].max() < 1.0  # [px m]
 
 

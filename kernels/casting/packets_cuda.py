@@ -79,6 +79,9 @@ class RayPackets:
     """(packet, pixel): distance from that plane to the ray's origin."""
     pixels: int
     """Number of pixels of a view."""
+    per_view: int
+    """Number of packets, which are whole images, if each view has its own rows of all arrays but `windows` and `place`;
+    0 if views share them."""
 
 
 # C++ that renders a packet: of pixels of a pinhole camera, of points of its image, and of a ray bundle.
@@ -91,7 +94,7 @@ POINTS = """warpvis::PointPacket::cast(warpvis::Scene::of(scene, worlds, found, 
                            warpvis::PointList::of(rays, view), warpvis::Warp::uniform(packet_y),
                            warpvis::Images::of(images, scene), memory);
 """
-BUNDLE = """warpvis::TablePacket::of(rays, warpvis::Warp::uniform(packet_y))
+BUNDLE = """warpvis::TablePacket::of(rays, view, warpvis::Warp::uniform(packet_y))
     .cast(warpvis::Scene::of(scene, worlds, found, view),
           warpvis::TablePacket::view_of(camera, poses, view, cull_backfaces), warpvis::Images::of(images, scene),
           memory);

@@ -19,7 +19,7 @@ struct TableFrame {
     double first_u, first_v;  // of the center of the packet's first pixel
     double spread[2];  // greatest distance of a ray from the center of its pixel, along each axis [px]
     double focal[2];  // lengths of the first two rows
-    double longest;  // greatest z of the packet's rays at depth 1
+    double longest;  // greatest z of the packet's rays at depth 1; 0 if it has none, or all are cast one by one
     double side;  // pixels of the image along each axis
 };
 static_assert(sizeof(TableFrame) == TABLE_FRAME_WORDS * sizeof(double) &&
@@ -35,12 +35,12 @@ struct TablePacket {
     int pixels;  // number of pixels of the table's image
     TableEye eye;
 
-    // A packet of a `RayPackets` of kernels/casting/packets_cuda.py.
+    // A packet of a view, of a `RayPackets` of kernels/casting/packets_cuda.py.
     template <class RayPackets>
-    static inline TablePacket of(const RayPackets& packets, int packet) {
-        const long long first = (long long)packet * SLOTS;
+    static inline TablePacket of(const RayPackets& packets, int view, int packet) {
+        const long long row = (long long)view * packets.per_view + packet, first = row * SLOTS;
         const int* window = packets.windows.data + 4 * packet;
-        const long long image = window[0];
+        const long long image = (long long)view * packets.per_view + window[0];
         TablePacket result;
         result.frame = (const TableFrame*)(packets.frame.data + image * TABLE_FRAME_WORDS);
         result.rays.points = (const ImagePoint*)packets.points.data + first;
@@ -48,7 +48,7 @@ struct TablePacket {
         result.rays.starts =
             RayStarts::from((const ImagePoint*)packets.asides.data + first, packets.begins.data + first);
         result.rays.scale = packets.scale.data + first;
-        result.rays.place = packets.place.data + first;
+        result.rays.place = packets.place.data + (long long)packet * SLOTS;
         result.rays.full = window[3];
         result.bounds = (const ImageBox*)packets.bounds.data + (long long)packet * SLOT_BLOCKS;
         result.pixels = packets.pixels;
@@ -131,7 +131,7 @@ struct TablePacket {
     inline void cast(const Scene& scene, const View& view, const Images& out, WarpMemory& memory) const {
         set_camera(view, memory.cameras[WarpMemory::WORLD]);
         set_rays(memory.cameras[WarpMemory::WORLD], memory.pixels);
-        Packets::cast_slots(scene, view, memory.pixels, pixels, out, memory);
+        Packets::cast_slots(scene, view, memory.pixels, pixels, out, memory, !RAY_ORIGINS || frame->longest > 0.0);
     }
 };
 static_assert((int)BLOCK_PIXELS == (int)LANES, "a block has a pixel for each lane");

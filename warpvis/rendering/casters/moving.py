@@ -21,12 +21,14 @@ from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, ObjectScales, 
 from warpvis.errors import ArrayError, CameraError, PoseError
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.rendering.casters.moving_packets_cpu import MovingPackets
+from warpvis.rendering.casters.moving_packets_cuda import CudaMovingPackets
 from warpvis.rendering.casters.rays import RaysCaster, rays_on_device
 from warpvis.scene import Scene
 from warpvis.scene.worlds import parse_moving_poses, parse_worlds
 
 if TYPE_CHECKING:
     from warpvis.kernels.casting.motions import Motion as MotionStruct, TimedRays
+    from warpvis.kernels.casting.worlds import Worlds
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,12 @@ class MovingPoses:
     def at_rest(cls, poses: wp.array) -> MovingPoses:
         """Return the motion of views that do not move, transforms of shape ``(V,)``."""
         return cls(_struct_of(poses.reshape((1, poses.shape[0], 1))), None, poses.shape[0], False)
+
+    def with_objects_at_rest(self, worlds: Worlds) -> MovingPoses:
+        """Return the same motion of the sensor, with the objects of worlds as objects that do not move."""
+        poses = worlds.object_poses
+        objects = _struct_of(poses.reshape((1, *poses.shape)))
+        return replace(self, objects=objects, own_worlds=worlds.world is None and poses.shape[0] > 1)
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -67,7 +75,8 @@ class MovingCaster(RaysCaster):
         if camera.ray_model == "parallel":
             raise CameraError(f"camera must be a pinhole, a lens or Rays for a Motion, got {type(camera).__name__}")
         super().__init__(scene, camera, options)
-        self._packets = MovingPackets(scene, camera, options) if scene.device.is_cpu and not single_rays else None
+        make = MovingPackets if scene.device.is_cpu else CudaMovingPackets
+        self._packets = None if single_rays else make(scene, camera, options)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the state without device arrays."""
@@ -100,32 +109,35 @@ class MovingCaster(RaysCaster):
 
     def cast(self, views: ViewBatch, images: ImagesByName) -> None:
         """Write images of all views, whose poses are `MovingPoses`."""
-        if self._packets is None or not self._packets.takes(views):
+        if not views.count or self._packets is None or not self._packets.takes(views):
             self._cast_single_rays(views, images)
             return
         poses, scene = views.poses, self._scene
-        objects = poses.objects
-        if objects is None and scene.bvh().has_solids:  # which packets of rays with distinct origins cannot show
-            there = views.worlds.object_poses
-            objects = _struct_of(there.reshape((1, *there.shape)))
+        if poses.objects is None and scene.bvh().has_solids:  # packets of rays with distinct origins cannot show them
+            views = ViewBatch(poses.with_objects_at_rest(views.worlds), views.worlds)
+        objects = views.poses.objects
         if objects is not None and "depth" not in images:
             shape = (views.count, *self._camera.shape)
             images = {**images, "depth": wp.empty(shape, dtype=wp.float32, device=scene.device)}
-        left, touched = self._packets.cast_motion(poses.sensor, objects, views, images)
+        if isinstance(self._packets, CudaMovingPackets):
+            touched, remaining = self._packets.cast_motion(self._rays, views, images), []
+        else:
+            left, bits = self._packets.cast_motion(poses.sensor, objects, views, images)
+            remaining = np.flatnonzero(left).tolist()
+            touched = None
+            if bits is not None:
+                touched = wp.array(bits.reshape(views.count, *self._image), dtype=wp.int32, device="cpu", copy=False)
         if touched is not None:
-            self._cast_touched_rays(views, objects, touched, images)
-        for view in np.flatnonzero(left).tolist():
+            self._cast_touched_rays(views, touched, images)
+        for view in remaining:
             part = slice(view, view + 1)
             self._cast_single_rays(views.part(part), {name: image[part] for name, image in images.items()})
 
-    def _cast_touched_rays(
-        self, views: ViewBatch, objects: MotionStruct, touched: np.ndarray, images: ImagesByName
-    ) -> None:
+    def _cast_touched_rays(self, views: ViewBatch, touched: wp.array, images: ImagesByName) -> None:
         """Add movable objects to images of static geometry where rays may hit one."""
         from warpvis.kernels.casting.moving_objects import cast_touched_rays
 
-        bits = wp.array(touched.reshape(views.count, *self._image), dtype=wp.int32, device="cpu", copy=False)
-        self._launch_rays(cast_touched_rays, views, [objects], [bits], images)
+        self._launch_rays(cast_touched_rays, views, [views.poses.objects], [touched], images)
 
     def _cast_single_rays(self, views: ViewBatch, images: ImagesByName) -> None:
         from warpvis.kernels.casting.moving_objects import cast_at_moving_objects

@@ -70,7 +70,7 @@ class CudaRayBundleCaster(RayBundleCaster):
         if prepared.points is not None:
             kinds.append((POINTS_SIDE, POINTS, prepared.points))
         groups = [
-            (_kernel(size, with_id, moving, resized, points, origins), packets, (packets.windows.shape[0], 1))
+            (packet_kernel(size, with_id, moving, resized, points, origins), packets, (packets.windows.shape[0], 1))
             for size, points, packets in kinds
         ]
         lens, cull = self._camera.device_struct(), self._options.cull_backfaces
@@ -119,7 +119,8 @@ def packet_side(prepared: PreparedPackets, views: int, processors: int) -> int:
 
 
 @cache
-def _kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int, origins: bool) -> wp.Kernel:
+def packet_kernel(side: int, with_id: bool, movable: bool, resized: bool, points: int, origins: bool) -> wp.Kernel:
+    """Return the kernel of `make_ray_packet_kernel` with these arguments, which is made once."""
     from warpvis.kernels.casting.packets_cuda import make_ray_packet_kernel
 
     return make_ray_packet_kernel(side, with_id, movable, resized, points, origins)
