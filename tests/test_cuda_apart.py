@@ -20,7 +20,7 @@ from cuda_emulator import Emulator, Variant, emulated_renderer
 
 import warpvis as wv
 from warpvis.cameras import Rays
-from warpvis.rendering.casters.ray_bundles_cuda import MAX_EYE_OFFSET
+from warpvis.rendering.casters.ray_bundles_cuda import MAX_EYE_OFFSET, packet_side
 from warpvis.rendering.casters.ray_origins_cuda import group_rows
 from warpvis.rendering.casters.sorted_rays_cuda import prepare_packets
 from warpvis.sensors import lidars
@@ -205,6 +205,29 @@ def test_distant_rays_exceed_the_eye_offset_limit():
     directions, origins = spread_out(2000, 0.05)
     prepared = prepare_packets(directions[None], wp.get_device("cpu"), origins[None])
     assert prepared.eye_offset > MAX_EYE_OFFSET
+
+
+@pytest.mark.parametrize("name", ["vlp32c", "hdl64e"])
+def test_rays_are_either_single_or_in_packets(name):
+    """Where nothing moves, rays in no square, or far from the eye of theirs, are cast one by one."""
+    lidar = getattr(lidars, name)()
+    shape = (lidar.height, lidar.width, 3)
+    rays, origins = lidar.rays.reshape(shape), lidar.origins.reshape(shape)
+    prepared = prepare_packets(rays, wp.get_device("cpu"), origins, MAX_EYE_OFFSET)
+    assert prepared.points is None and len(prepared.single)
+    places = [packets.place.numpy().ravel() for _, packets in prepared.packets(16)]
+    found = np.concatenate([prepared.single, *places])
+    np.testing.assert_array_equal(np.sort(found[found >= 0]), np.arange(lidar.height * lidar.width))
+    for _, packets in prepared.packets(16):
+        assert packets.eyes.numpy()[:, 3:5].max() <= MAX_EYE_OFFSET
+
+
+def test_few_packets_are_cut_into_smaller_ones():
+    lidar = lidars.vlp16()
+    shape = (lidar.height, lidar.width, 3)
+    prepared = prepare_packets(lidar.rays.reshape(shape), wp.get_device("cpu"), lidar.origins.reshape(shape))
+    assert prepared.count(32) == prepared.count(16) == 113 and prepared.count(8) == 4 * 113
+    assert packet_side(prepared, 1, 132) == 8 and packet_side(prepared, 256, 132) >= 16
 
 
 @pytest.mark.parametrize("name", ["vlp16", "OS0-128"])
