@@ -13,7 +13,7 @@ from warpvis.rendering.casters.base import ImagesByName, ViewBatch, needs_ids
 from warpvis.rendering.casters.found_objects_cuda import nothing_found
 from warpvis.rendering.casters.packed_launch_cuda import PackedPackets
 from warpvis.rendering.casters.packet_images_cuda import POINTS_SIDE
-from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, takes_packets
+from warpvis.rendering.casters.rays import MAX_ORIGIN_EXTENT, RayBundleCaster, origin_extent, takes_packets
 from warpvis.rendering.casters.single_rays_cuda import rays_in_order, takes_sorted_rays
 from warpvis.rendering.casters.sorted_rays_cuda import POINTS, PreparedPackets, prepare_packets
 
@@ -44,7 +44,7 @@ class CudaRayBundleCaster(RayBundleCaster):
             super().cast(views, images)
             return
         scene = self._scene.bvh(faces="faces" in images).struct
-        if scene.drawn_count == 0 and takes_sorted_rays(self._options, views, self._camera.width * self._camera.height):
+        if scene.drawn_count == 0 and self._splits(views):
             prepared, single = self._prepared(split=True), self._single_rays
             if prepared.count(_MIN_SIDE):
                 self._cast_packets(scene, prepared, views, images)
@@ -75,6 +75,12 @@ class CudaRayBundleCaster(RayBundleCaster):
         ]
         lens, cull = self._camera.device_struct(), self._options.cull_backfaces
         return PackedPackets(groups, lens, views, cull, self._scene.device)
+
+    def _splits(self, views: ViewBatch) -> bool:
+        """Return whether some rays may be single and the others in packets, in a scene in which nothing moves."""
+        camera = self._camera
+        is_near = camera.origins is None or origin_extent(camera) <= MAX_ORIGIN_EXTENT
+        return is_near and takes_sorted_rays(self._options, views, camera.width * camera.height)
 
     def _uses_single_rays(self, worlds: Worlds) -> bool:
         clip_near = self._options.clip_near
@@ -107,7 +113,7 @@ class CudaRayBundleCaster(RayBundleCaster):
 
 # Pairs of a side and the number of packets per multiprocessor from which it is faster than the next smaller one; and
 # the minimum side.
-_MIN_PACKETS, _MIN_SIDE = ((32, 32), (16, 24)), 8
+_MIN_PACKETS, _MIN_SIDE = ((32, 64), (16, 12)), 8
 
 
 def packet_side(prepared: PreparedPackets, views: int, processors: int) -> int:
