@@ -60,7 +60,7 @@ class LegTerms:
 
 @wp.struct
 class PacketTerms:
-    """What is common to the rays of a packet in a view."""
+    """Terms that all rays of a packet share in a view."""
 
     fit: wp.mat22  # minus 1: from the image at rest to the fitted one
     first: wp.vec2  # center of the first pixel of the fitted image

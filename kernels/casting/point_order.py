@@ -36,7 +36,7 @@ class PointLists:
     used: wp.array[wp.int32]
     """(view): number of points that are cast, in the order of the list; None if all are, in rows or sorted."""
     step: int
-    """Number of warps per view, each of which casts one in so many packets of the used points."""
+    """Number of warps per view: each casts every `step`-th packet of the used points."""
     columns: int
     """Number of points per row, if the points are in rows."""
     spread: wp.array[wp.int32]
