@@ -73,6 +73,8 @@ class Variant:
     """Whether rays come from a ray bundle."""
     points: int = 0
     """Number of rays in a packet if they are of image points or unordered, else 0."""
+    used: bool = False
+    """Whether warps loop over packets of the image points that are used."""
     origins: bool = False
     """Whether the rays of a bundle have distinct origins."""
     image_side: int = 0
@@ -84,7 +86,7 @@ class Variant:
     @property
     def name(self) -> str:
         kind = (self.with_id, self.movable, self.clip, self.resized, self.found, self.large, self.ray_table)
-        kind += (self.origins, self.shadows)
+        kind += (self.origins, self.shadows, self.used)
         flags = "_".join(str(int(flag)) for flag in (*kind, self.points, self.image_side))
         return f"packet_{self.side}_{flags}_{self.arch}"
 
@@ -357,7 +359,8 @@ def _native_code(variant: Variant) -> tuple[wp.Function, str, str]:
                 variant.side, *kind, variant.resized, variant.points, variant.origins
             )
         else:
-            call = packets_cuda.POINTS if variant.points else packets_cuda.PIXELS
+            of_points = packets_cuda.USED_POINTS if variant.used else packets_cuda.POINTS
+            call = of_points if variant.points else packets_cuda.PIXELS
             function = packets_cuda.cast_function(call, PinholeCamera, PointLists)
             kernel = packets_cuda.make_packet_kernel(variant.side, *kind, variant.clip, variant.resized, variant.points)
     finally:

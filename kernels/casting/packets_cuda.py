@@ -84,7 +84,8 @@ class RayPackets:
     0 if views share them."""
 
 
-# C++ that renders a packet: of pixels of a pinhole camera, of points of its image, and of a ray bundle.
+# C++ that renders a packet: of pixels of a pinhole camera, of points of its image, and of a ray bundle. `USED_POINTS`
+# renders some packets of those points of a list that are used.
 PIXELS = """warpvis::Packets::cast(warpvis::Scene::of(scene, worlds, found, view),
                        warpvis::View::of(camera, poses, view, cull_backfaces), warpvis::Images::of(images, scene),
                        packet_x, packet_y, memory);
@@ -93,6 +94,11 @@ POINTS = """warpvis::PointPacket::cast(warpvis::Scene::of(scene, worlds, found, 
                            warpvis::View::of(camera, poses, view, cull_backfaces),
                            warpvis::PointList::of(rays, view), warpvis::Warp::uniform(packet_y),
                            warpvis::Images::of(images, scene), memory);
+"""
+USED_POINTS = """warpvis::PointPacket::cast_used(warpvis::Scene::of(scene, worlds, found, view),
+                                warpvis::View::of(camera, poses, view, cull_backfaces),
+                                warpvis::PointList::of(rays, view), warpvis::Warp::uniform(packet_y), rays.step,
+                                warpvis::Images::of(images, scene), memory);
 """
 BUNDLE = """warpvis::TablePacket::of(rays, view, warpvis::Warp::uniform(packet_y))
     .cast(warpvis::Scene::of(scene, worlds, found, view),
@@ -222,7 +228,13 @@ def _make_kernel(
 
 
 def make_packet_kernel(
-    side: int, with_id: bool, movable: bool, clip: bool, resized: bool = False, points: int = 0
+    side: int,
+    with_id: bool,
+    movable: bool,
+    clip: bool,
+    resized: bool = False,
+    points: int = 0,
+    used: bool = False,
 ) -> wp.Kernel:
     """Make a kernel for packets of pixels or image points, which every thread of a warp runs.
 
@@ -233,8 +245,9 @@ def make_packet_kernel(
         clip: Whether surfaces nearer than the camera's `near` are invisible.
         resized: Whether movable objects have the sizes of `Worlds.object_sizes`, which must not be None then.
         points: If positive, packets consist of 64, 256 or 1024 points of `rays`. Otherwise the kernel ignores `rays`.
+        used: Whether warps loop over packets of the points that are used, `PointLists.used`.
     """
-    header, call = ("cuda/points.h", POINTS) if points else ("cuda/packets.h", PIXELS)
+    header, call = ("cuda/points.h", USED_POINTS if used else POINTS) if points else ("cuda/packets.h", PIXELS)
     options = native_options(header, side, with_id, movable, resized, clip=clip, points=points)
     registers = _max_registers(movable, is_wide_image=side == 32 and not points, with_id=with_id)
     return _make_kernel(call, PinholeCamera, PointLists, registers, options)

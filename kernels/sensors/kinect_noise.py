@@ -43,7 +43,7 @@ def measure_nguyen_pixels(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=64)
 def measure_nguyen(
     # Cameras:
     camera_to_world: wp.array[wp.transform],

@@ -99,7 +99,7 @@ def measure_pixels(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=64)
 def measure_stereo(
     # Cameras:
     eyes: wp.array[OtherEye],

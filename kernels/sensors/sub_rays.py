@@ -43,7 +43,7 @@ def find_pixel_edges(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=64)
 def find_edges(
     # Cameras:
     axes: wp.array[wp.mat33],

@@ -122,7 +122,7 @@ def measure_pixels(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(cuda_max_registers=64)
 def measure_time_of_flight(
     # Cameras:
     axes: wp.array[wp.mat33],

@@ -23,7 +23,6 @@ struct PointList {
     int used;  // number of points that are cast
     const int* order;  // order of the points sorted by position; null if they are in rows or in order
     int columns;  // columns of each row; packets take squares of rows and columns. 0 if points are in order
-    int step;  // of the packets of a warp; 0 if it has one
 
     // The points of a view, of a `PointLists` of kernels/casting/point_order.py.
     template <class PointLists>
@@ -37,7 +36,6 @@ struct PointList {
         list.pixels = (const ImagePoint*)points.pixels.data + (long long)view * list.count;
         list.order = sorted ? points.order.data + first : nullptr;
         list.columns = in_order ? 0 : points.columns;
-        list.step = in_order ? points.step : 0;
         return list;
     }
 
@@ -182,17 +180,17 @@ struct PointPacket {
         Warp::sync();
     }
 
-    // Draw and write the packets of a warp. If the view's world does not exist, nothing is visible.
-    static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
-                            WarpMemory& memory) {
-        if (!list.step) return cast_packet(scene, view, list, number, out, memory);
-        for (; number * (int)SLOTS < list.used; number += list.step) {
-            cast_packet(scene, view, list, number, out, memory);
+    // Draw and write one in `step` packets of the points that are used.
+    static inline void cast_used(const Scene& scene, const View& view, const PointList& list, int number, int step,
+                                 const Images& out, WarpMemory& memory) {
+        for (; number * (int)SLOTS < list.used; number += step) {
+            cast(scene, view, list, number, out, memory);
             Warp::sync();
         }
     }
-    static inline void cast_packet(const Scene& scene, const View& view, const PointList& list, int number,
-                                   const Images& out, WarpMemory& memory) {
+    // Draw and write a packet of a view. If the view's world does not exist, nothing is visible.
+    static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
+                            WarpMemory& memory) {
         Camera& camera = memory.cameras[WarpMemory::WORLD];
         PointBounds of_block;
         const PointBounds all = find(view, list, number, memory.pixels, of_block);

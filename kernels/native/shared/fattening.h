@@ -24,25 +24,18 @@ struct Fattening {
     };
 
     inline void measure(int x) const {
+#if defined(__CUDA_ARCH__)
+        if (!shown_out.data && (model.along_columns || model.reach <= (int)DepthStrip::REACH)) return spread_all(x);
+#endif
         GroupStore<Numbers, float> depths = {depth_out.data + row.place(x), row.count(x)};
         GroupStore<Numbers, int> shown = {shown_out.data + row.place(x), row.count(x)};
-#if defined(__CUDA_ARCH__)
-        float near[RANDOM_WORDS];
-        find_nearest(x, near);
-#endif
         UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k) {
             const int column = x + k * Numbers::PIXELS;
             Surface surface = {row.exact(column), shown_at(column, row.y)};
-            // A surface is in front if its disparity is at least this.
-            const Real least = model.disparity_scale / surface.depth + model.step;
+            const Real least = least_in_front(surface.depth);
             // Most pixels have nothing in front of them, which the minimum depth of the window shows.
-#if defined(__CUDA_ARCH__)
-            const bool spreads = is_in_front(near[k], least);
-#else
-            const bool spreads = is_at_end(column) || Numbers::any(is_in_front(nearest(column), least));
-#endif
-            if (spreads) spread(surface, column, least);
+            if (is_at_end(column) || Numbers::any(is_in_front(nearest(column), least))) spread(surface, column, least);
             depths.put(k, surface.depth);
             if (shown_out.data) shown.put(k, surface.shown);
         }
@@ -50,36 +43,46 @@ struct Fattening {
         if (shown_out.data) shown.flush();
     }
 #if defined(__CUDA_ARCH__)
-    // Minimum depth in the windows of the pixels of a thread, inside of the image.
-    inline void find_nearest(int x, float* near) const {
-        const int reach = model.reach;
+    // Depths alone, of all pixels of a thread at once: closer neighbors come last, as in `spread`.
+    inline void spread_all(int x) const {
+        const DepthStrip own = DepthStrip::of(row, x);
+        float depth[RANDOM_WORDS], least[RANDOM_WORDS];
 #pragma unroll
-        for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = OnePixel::endless();
+        for (int k = 0; k < RANDOM_WORDS; ++k) depth[k] = own.at(k, 0), least[k] = least_in_front(depth[k]);
         if (model.along_columns) {
-            for (int y = max(row.y - reach, 0); y <= min(row.y + reach, row.height - 1); ++y) {
-                float depths[RANDOM_WORDS];
-                DepthStrip::load(row.depth + row.place(x) + (long long)(y - row.y) * row.width, row.count(x), depths);
+            for (int lag = model.reach; lag > 0; --lag)
 #pragma unroll
-                for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = fminf(near[k], depths[k]);
-            }
-        } else if (reach <= (int)DepthStrip::REACH) {
-            const DepthStrip strip = DepthStrip::of(row, x);
+                for (int side = 0; side < 2; ++side) {
+                    const int y = side ? row.y - lag : row.y + lag;
+                    if (y < 0 || y >= row.height) continue;
+                    float others[RANDOM_WORDS];
+                    DepthStrip::load(row.depth + row.place(x) + (long long)(y - row.y) * row.width, row.count(x),
+                                     others);
 #pragma unroll
-            for (int lag = -DepthStrip::REACH; lag <= (int)DepthStrip::REACH; ++lag) {
-                if (lag < -reach || lag > reach) continue;
-#pragma unroll
-                for (int k = 0; k < RANDOM_WORDS; ++k) near[k] = fminf(near[k], strip.at(k, lag));
-            }
+                    for (int k = 0; k < RANDOM_WORDS; ++k)
+                        depth[k] = is_in_front(others[k], least[k]) ? others[k] : depth[k];
+                }
         } else {
-            for (int column = max(x - reach, 0); column < min(x + RANDOM_WORDS + reach, row.width); ++column) {
-                const float depth = row.depth[row.place(column)];
 #pragma unroll
-                for (int k = 0; k < RANDOM_WORDS; ++k)
-                    if (abs(column - x - k) <= reach) near[k] = fminf(near[k], depth);
+            for (int lag = DepthStrip::REACH; lag > 0; --lag) {
+                if (lag > model.reach) continue;
+#pragma unroll
+                for (int side = 1; side >= -1; side -= 2)
+#pragma unroll
+                    for (int k = 0; k < RANDOM_WORDS; ++k) {
+                        const float other = own.at(k, side * lag);
+                        depth[k] = is_in_front(other, least[k]) ? other : depth[k];
+                    }
             }
         }
+        GroupStore<Numbers, float> depths = {depth_out.data + row.place(x), row.count(x)};
+#pragma unroll
+        for (int k = 0; k < RANDOM_WORDS; ++k) depths.put(k, depth[k]);
+        depths.flush();
     }
 #endif
+    // A surface is in front of another one if its disparity is at least this.
+    inline Real least_in_front(Real depth) const { return model.disparity_scale / depth + model.step; }
     inline Whole is_in_front(Real depth, Real least) const { return least * depth <= model.disparity_scale; }
     inline Whole shown_at(int x, int y) const {
         const int index = y * row.width + x;

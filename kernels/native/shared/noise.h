@@ -27,6 +27,30 @@ struct SensorRange {
     }
 };
 
+#if defined(__CUDA_ARCH__)
+// What the pixels of a thread report, which is stored together.
+struct ThreadPixels {
+    float reported[RANDOM_WORDS];
+    unsigned char reasons[RANDOM_WORDS];
+
+    // Load numbers, of which `count` exist; the others are infinite.
+    template <int SIZE>
+    static inline void load(const float* from, int count, float* to) {
+        const bool is_aligned = ((unsigned long long)from & (sizeof(float4) - 1)) == 0;
+#pragma unroll
+        for (int k = 0; k < SIZE; k += 4) {
+            if (is_aligned && k + 4 <= count) {
+                const float4 four = *(const float4*)(from + k);
+                to[k] = four.x, to[k + 1] = four.y, to[k + 2] = four.z, to[k + 3] = four.w;
+                continue;
+            }
+#pragma unroll
+            for (int i = k; i < k + 4; ++i) to[i] = i < count ? from[i] : OnePixel::endless();
+        }
+    }
+};
+#endif
+
 // A row of a view, and images of all views, [view][y][x]; null if they are not used.
 template <class Numbers>
 struct SensorRow {
@@ -51,9 +75,7 @@ struct SensorRow {
     float* depth_out;
     unsigned char* reasons_out;
 #if defined(__CUDA_ARCH__)
-    // What `write` was given for the pixels of the thread, which `flush` stores.
-    mutable float reported[RANDOM_WORDS];
-    mutable unsigned char reasons[RANDOM_WORDS];
+    mutable ThreadPixels own;
 #endif
 
     template <class Inputs>
@@ -136,14 +158,14 @@ struct SensorRow {
 
 #if defined(__CUDA_ARCH__)
     inline void write(int x, float depth, int reason) const {
-        reported[x & (RANDOM_WORDS - 1)] = depth;
-        reasons[x & (RANDOM_WORDS - 1)] = (unsigned char)reason;
+        own.reported[x & (RANDOM_WORDS - 1)] = depth;
+        own.reasons[x & (RANDOM_WORDS - 1)] = (unsigned char)reason;
     }
     inline void flush(int x) const {
         GroupStore<Numbers, float> depths = {depth_out + place(x), count(x)};
         GroupStore<Numbers, unsigned char> causes = {reasons_out + place(x), count(x)};
 #pragma unroll
-        for (int k = 0; k < RANDOM_WORDS; ++k) depths.put(k, reported[k]), causes.put(k, reasons[k]);
+        for (int k = 0; k < RANDOM_WORDS; ++k) depths.put(k, own.reported[k]), causes.put(k, own.reasons[k]);
         if (depth_out) depths.flush();
         if (reasons_out) causes.flush();
     }
@@ -157,32 +179,24 @@ struct SensorRow {
 };
 
 #if defined(__CUDA_ARCH__)
-// Depths of the pixels of a thread and of as many on both sides, in one row.
+// Depths of the pixels of a thread and of as many on both sides, in its row or `lag` rows below.
 struct DepthStrip {
     enum { REACH = RANDOM_WORDS, COUNT = RANDOM_WORDS + 2 * REACH };
     float depths[COUNT];
 
     // Pixels outside of the image have infinite depth.
-    static inline DepthStrip of(const SensorRow<OnePixel>& row, int x) {
+    static inline DepthStrip of(const SensorRow<OnePixel>& row, int x, int lag = 0) {
+        const bool is_inside = row.y + lag >= 0 && row.y + lag < row.height;
+        const float* from = row.depth + row.place(x) + (long long)lag * row.width;
         DepthStrip strip;
-#pragma unroll
-        for (int part = 0; part < COUNT / RANDOM_WORDS; ++part) {
-            const int first = x + (part - 1) * RANDOM_WORDS;
-            load(row.depth + row.place(x) + (first - x), first < 0 ? 0 : row.count(first),
-                 strip.depths + part * RANDOM_WORDS);
+        for (int part = -1; part <= 1; ++part) {
+            const int first = x + part * REACH;
+            load(from + part * REACH, is_inside && first >= 0 ? row.count(first) : 0,
+                 strip.depths + (part + 1) * REACH);
         }
         return strip;
     }
-    // Load the depths of four pixels, of which `count` are inside of the image.
-    static inline void load(const float* from, int count, float* to) {
-        if (count >= RANDOM_WORDS && ((unsigned long long)from & (RANDOM_WORDS * sizeof(float) - 1)) == 0) {
-            const float4 four = *(const float4*)from;
-            to[0] = four.x, to[1] = four.y, to[2] = four.z, to[3] = four.w;
-            return;
-        }
-#pragma unroll
-        for (int k = 0; k < RANDOM_WORDS; ++k) to[k] = k < count ? from[k] : OnePixel::endless();
-    }
+    static inline void load(const float* from, int count, float* to) { ThreadPixels::load<REACH>(from, count, to); }
     // The depth of a neighbor of pixel k of the thread.
     inline float at(int k, int lag) const { return depths[REACH + k + lag]; }
 };

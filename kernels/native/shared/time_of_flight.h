@@ -177,22 +177,48 @@ struct FlightEdges {
     // Write the row-major indices of such pixels, of those of a thread from x on, and -1 for others.
     inline void measure(int x) const {
         GroupStore<Numbers, int> stored = {edges.data + row.place(x), row.count(x)};
+        const Nearby nearby = Nearby::of(row, x);
         UNROLL_ON_CUDA
         for (int k = 0; row.has_word(x, k); ++k) {
             const int column = x + k * Numbers::PIXELS;
             const Whole places = Numbers::indices(row.y * row.width + column);
-            stored.put(k, is_edge(column) ? places : Numbers::whole(-1));
+            stored.put(k, is_edge(column, nearby) ? places : Numbers::whole(-1));
         }
         stored.flush();
     }
-    inline Whole is_edge(int x) const {
-        const bool inner = x > 0 && x + Numbers::PIXELS < row.width && row.y > 0 && row.y + 1 < row.height;
-        return inner ? is_edge<true>(x) : is_edge<false>(x);
+    // Depths of the neighbors of pixels.
+#if defined(__CUDA_ARCH__)
+    struct Nearby {
+        DepthStrip strips[3];
+
+        static inline Nearby of(const SensorRow<Numbers>& row, int x) {
+            return Nearby{{DepthStrip::of(row, x, -1), DepthStrip::of(row, x), DepthStrip::of(row, x, 1)}};
+        }
+        template <bool INNER>
+        inline float depth(const SensorRow<Numbers>&, int x, int i, int j) const {
+            return strips[j + 1].at(x & (RANDOM_WORDS - 1), i);
+        }
+    };
+#else
+    struct Nearby {
+        static inline Nearby of(const SensorRow<Numbers>&, int) { return Nearby(); }
+        template <bool INNER>
+        inline Real depth(const SensorRow<Numbers>& row, int x, int i, int j) const {
+            return INNER ? Numbers::load(row.depth + row.place(x) + (j * row.width + i), Numbers::PIXELS)
+                         : row.exact(x + i, row.y + j, 0.0f);
+        }
+    };
+#endif
+    inline Whole is_edge(int x, const Nearby& nearby) const {
+        // Most warps have a pixel at the end of a row: a single pixel is checked in any case.
+        const bool inner =
+            Numbers::PIXELS > 1 && x > 0 && x + Numbers::PIXELS < row.width && row.y > 0 && row.y + 1 < row.height;
+        return inner ? is_edge<true>(x, nearby) : is_edge<false>(x, nearby);
     }
     // Comparisons with all neighbors are made once, with the extremes of their numbers: a mask for each neighbor would
     // take longer. Unless pixels are `INNER`, neighbors may be outside of the image.
     template <bool INNER>
-    inline Whole is_edge(int x) const {
+    inline Whole is_edge(int x, const Nearby& nearby) const {
         Real normal[3], rotated[3];
         row.normal(x, normal);
         for (int k = 0; k < 3; ++k)
@@ -208,12 +234,11 @@ struct FlightEdges {
         for (int k = 0; k < 9; ++k) {
             const int i = k % 3 - 1, j = k / 3 - 1;
             if (k == 4 || (!INNER && (row.y + j < 0 || row.y + j >= row.height))) continue;
-            Real other = INNER ? Numbers::load(row.depth + row.place(x) + (j * row.width + i), Numbers::PIXELS)
-                               : row.exact(x + i, row.y + j, 0.0f);
+            Real other = nearby.template depth<INNER>(row, x, i, j);
             const Real slope = ahead + (float)i * across + (float)j * down;
             Real product = slope * plane;
             Real beyond = Numbers::abs(other * slope - plane) - edge_step * Numbers::abs(slope);
-            if (!INNER) {
+            if (!INNER && i != 0) {
                 const Whole column = Numbers::indices(x + i), outside = (column < 0) | (column >= row.width);
                 other = outside ? depth : other;
                 product = outside ? Numbers::real(1.0f) : product;

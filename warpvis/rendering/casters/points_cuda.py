@@ -59,7 +59,7 @@ def cast_point_packets(
     """
     pixels, count = views.pixels, views.count
     assert pixels is not None  # callers cast pixel centers otherwise
-    step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2]))
+    step = max(1, _MAX_POINTS // (pixels.shape[1] * pixels.shape[2])) if views.used is None else count
     for first in range(0, count, step):
         part = slice(first, min(first + step, count))
         rows = {name: image[part] for name, image in images.items()}
@@ -77,7 +77,14 @@ def _cast(scene: BvhScene, camera: Camera, options: CastOptions, views: ViewBatc
     if views.used is not None:
         packets = lists.step = min(packets, -(-_WARPS_PER_PROCESSOR * processors // views.count))
     launch(
-        _kernel(size, needs_ids(images), moving, clip, moving and worlds.object_sizes is not None),
+        _kernel(
+            size,
+            needs_ids(images),
+            moving,
+            clip,
+            moving and worlds.object_sizes is not None,
+            views.used is not None,
+        ),
         (packets, views.count, 1, CUDA_LANES),
         [
             scene,
@@ -188,7 +195,7 @@ def _measure(pixels: wp.array, columns: int, camera: Camera) -> wp.array:
 
 
 @cache
-def _kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool) -> wp.Kernel:
+def _kernel(points: int, with_id: bool, movable: bool, clip: bool, resized: bool, used: bool) -> wp.Kernel:
     from warpvis.kernels.casting.packets_cuda import make_packet_kernel
 
-    return make_packet_kernel(32, with_id, movable, clip, resized, points)
+    return make_packet_kernel(32, with_id, movable, clip, resized, points, used)
