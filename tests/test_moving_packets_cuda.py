@@ -386,7 +386,8 @@ def test_packets_are_used_where_they_are_faster(monkeypatch):
         (scene, ouster, 31, None, False),
         (scene, ouster, 32, None, True),
         (crowd, ouster, 12, still[None], False),
-        (crowd, ouster, 12, moving, True),
+        (crowd, ouster, 1, moving, True),
+        (crowd, wv.sensors.lidars.vlp16(), 1, moving, False),
         (scene, wv.sensors.lidars.hdl64e(), 100, None, False),
         (scene, scattered, 2000, None, False),
     ):
