@@ -47,6 +47,8 @@ TESTS: tuple[tuple[str, str], ...] = (
     ("shared/time_of_flight.h", "sensor_rows time_of_flight"),
     ("shared/kinect.h", "sensor_rows kinect_noise"),
     ("shared/corruptions.h", "sensor_rows corruptions"),
+    ("shared/redwood.h", "sensor_rows kinect_simulators"),
+    ("shared/fattening.h", "fattening sensor_cuda_code"),
     ("shared/noise.h", "sensor_rows kinect_noise corruptions time_of_flight"),
     ("cpu/number_lanes.h", "random_numbers sensor_rows stereo classify time_of_flight"),
     ("cpu/random_lanes.h", "random_numbers sensor_rows stereo"),

@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from reference_redwood import make_table
 
 import warpvis as wv
-from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, SimKinect, TimeOfFlight
+from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, RedwoodNoise, SimKinect, TimeOfFlight
 from warpvis.sensors.depth import _kinect_models
 
 from support.one_pixel import compute_one_pixel_at_a_time
@@ -24,6 +25,7 @@ MODELS = {
     "corruptions": Corruptions(added=0.05, multiplied=0.02, dropout=0.1, rectangles=(2, 5)),
     "corruptions of a sensor": Corruptions(added=0.05, dropout=0.1, of=KhoshelhamNoise()),
     "simkinect": SimKinect(),
+    "redwood": RedwoodNoise(make_table()),
     "flight": FLIGHT,
     "flight, of dark things": dataclasses.replace(FLIGHT, reflectivity=0.4, mixing=False, max_signal=0.15),
 }
@@ -45,7 +47,7 @@ def test_rows_equal_single_pixels(room, model, monkeypatch):
         return views.depth.numpy().view(np.uint32), views.reasons.numpy()
 
     rows = render(2)
-    names = "noise", "kinect_noise", "corruptions", "simkinect", "sub_rays", "time_of_flight"
+    names = "noise", "kinect_noise", "corruptions", "simkinect", "redwood", "sub_rays", "time_of_flight"
     compute_one_pixel_at_a_time(monkeypatch, *names)
     pixels = render(1)
     for mine, theirs in zip(rows, pixels, strict=True):
