@@ -55,6 +55,12 @@ def test_rows_equal_single_pixels(room, model, monkeypatch):
     assert {Reason.VALID, Reason.RANGE} <= set(np.unique(pixels[1]))
 
 
+@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+def test_zero_views(room, model):
+    views = wv.render(room[0], CAMERA, np.zeros((0, 7)), outputs=("depth", "reasons", "points"), sensor=model)
+    assert views.depth.shape == views.reasons.shape == views.points.shape == (0, 37, 149)
+
+
 @pytest.mark.parametrize("pattern", [None, (60, 200), (30, 90)])
 def test_listed_dots_of_simkinect_equal_rows(room, pattern, monkeypatch):
     """As on a GPU; patterns may be larger or smaller than the image."""

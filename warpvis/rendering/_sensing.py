@@ -109,7 +109,8 @@ class Sensing:
             scratch=scratch.array,
             cast=partial(self._cast_at, scratch),
         )
-        self.sensor.measure(exposure)
+        if views.count:
+            self.sensor.measure(exposure)
         if "points" in images and moving is not None:
             moving.back_project(views, images["depth"], images["points"])
         elif "points" in images:
