@@ -213,13 +213,14 @@ def test_rays_are_either_single_or_in_packets(name):
     lidar = getattr(lidars, name)()
     shape = (lidar.height, lidar.width, 3)
     rays, origins = lidar.rays.reshape(shape), lidar.origins.reshape(shape)
-    prepared = prepare_packets(rays, wp.get_device("cpu"), origins, MAX_EYE_OFFSET)
+    limit = 0.9 * prepare_packets(rays, wp.get_device("cpu"), origins).eye_offset
+    prepared = prepare_packets(rays, wp.get_device("cpu"), origins, limit)
     assert prepared.points is None and len(prepared.single)
     places = [packets.place.numpy().ravel() for _, packets in prepared.packets(16)]
     found = np.concatenate([prepared.single, *places])
     np.testing.assert_array_equal(np.sort(found[found >= 0]), np.arange(lidar.height * lidar.width))
     for _, packets in prepared.packets(16):
-        assert packets.eyes.numpy()[:, 3:5].max() <= MAX_EYE_OFFSET
+        assert packets.eyes.numpy()[:, 3:5].max() <= limit
 
 
 def test_few_packets_are_cut_into_smaller_ones():
