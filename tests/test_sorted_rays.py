@@ -62,12 +62,12 @@ def test_rays_that_start_on_a_surface(max_close, device, monkeypatch):
         assert np.isfinite(assert_same(scene, camera, poses).depth.numpy()).any()
 
 
-def test_calls_that_may_ignore_hits_are_cast_in_the_curve_order_the_table():
+def test_calls_that_may_ignore_hits_are_cast_in_the_order_of_the_table():
     views = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
     excluding = ViewBatch(np.zeros((1, 7), dtype=np.float32), Worlds())
     excluding.worlds.excluded = wp.zeros((1, 1), dtype=wp.uint8, device="cpu")
     assert takes_sorted_rays(CastOptions(), views, 100)
-    assert not takes_sorted_rays(CastOptions(), views, 2**31)
+    assert not takes_sorted_rays(CastOptions(), views, 2**31 - single_rays_cuda._CLOSE_THREADS)
     assert not takes_sorted_rays(CastOptions(), excluding, 100)
     assert not takes_sorted_rays(CastOptions(cull_backfaces=True), views, 100)
     assert not takes_sorted_rays(CastOptions(clip_near=True), views, 100)
@@ -80,6 +80,12 @@ def test_order_keeps_neighbors_together():
     assert np.isnan(rays[order[:3]]).all()
     steps = np.linalg.norm(np.diff(rays[order[3:]], axis=0), axis=1)
     assert np.median(steps) < 3 * np.sqrt(4 * np.pi / 1500)
+
+
+def test_order_without_rays():
+    for shape in ((1, 1, 3), (3, 37, 3), (20, 33, 3)):
+        order = sorted_order(np.full(shape, np.nan), None)
+        np.testing.assert_array_equal(np.sort(order), np.arange(shape[0] * shape[1]))
 
 
 def test_order_of_a_lidar_follows_its_table():

@@ -47,7 +47,8 @@ def curve_order(rays: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the order of rays, shape (N, 3), along a Z-order curve on the faces of a cube; NaN rays come first."""
     split = split_rays(rays[None])
     with np.errstate(invalid="ignore"):
-        low, high = (limit(split.positions, axis=0) for limit in (np.nanmin, np.nanmax))
+        low = np.nanmin(split.positions, axis=0, initial=np.inf)
+        high = np.nanmax(split.positions, axis=0, initial=-np.inf)
         cells = (split.positions - low) * ((2**_BITS - 1) / max(float((high - low).max()), 1e-12))
         cells = np.where(np.isfinite(cells), cells, 0.0).astype(np.int64)
     code = split.face.ravel().astype(np.int64) << (2 * _BITS)

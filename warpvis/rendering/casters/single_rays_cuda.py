@@ -27,7 +27,8 @@ _MAX_CLOSE = 1 << 14
 _CLOSE_THREADS = 1 << 14
 # Threads of a block, as in all casters with one query per thread; see `warpvis.core.threads`.
 _BLOCK = 64
-_MAX_RAYS = 2**31 - 1
+# Maximum number of rays of a call: a thread's last index, which exceeds it by less than `_CLOSE_THREADS`, is an int32.
+_MAX_RAYS = 2**31 - 1 - _CLOSE_THREADS
 MIN_RAYS = 1 << 17
 """Number of rays of a call from which sorting gains more than a second launch takes."""
 
