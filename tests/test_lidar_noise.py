@@ -12,7 +12,8 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import cameras, sensors
-from warpvis.sensors import LidarNoise, Reason, lidars
+from warpvis.errors import ArrayError
+from warpvis.sensors import LidarNoise, Reason, _glare, lidars
 
 import reference
 from support.kinect_noise import images
@@ -146,6 +147,15 @@ def test_glare_of_lists_is_that_of_images():
         for pattern in (rays, mixed)
     )
     np.testing.assert_allclose(of_list, of_image[:, order], rtol=1e-6)
+
+
+def test_glare_of_too_many_neighbors_is_refused(monkeypatch):
+    """Memory would run out: 256 rays have 255 neighbors each."""
+    monkeypatch.setattr(_glare, "_MAX_NEIGHBORS", 256 * 255)
+    directions = np.random.default_rng(0).normal(size=(257, 3)) * 0.01 + [1, 0, 0]
+    assert len(_glare.find_neighbors(directions[1:], 0.6)[1]) == 256 * 255
+    with pytest.raises(ArrayError, match=r"glare_angle must be smaller for 257 rays: .* got 65792"):
+        _glare.find_neighbors(directions, 0.6)
 
 
 def test_points_of_rays_with_origins_match_their_reference(device):

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.rays import Rays
 from warpvis.core.file_content import require_package
+from warpvis.errors import ArrayError
 
 if TYPE_CHECKING:
     from warpvis.kernels.sensors.lidar_noise import Glare
 
 _REACH = 3.0  # standard deviations beyond which the glare of a surface is ignored
+_MAX_NEIGHBORS = 1 << 28  # of all rays: they take 8 bytes each, and 70 while they are searched
 
 
 def prepare_glare(rays: Rays, share: float, sigma: float, device: wp.Device) -> Glare:
@@ -24,6 +26,7 @@ def prepare_glare(rays: Rays, share: float, sigma: float, device: wp.Device) -> 
 
     Raises:
         FileFormatError: If SciPy is missing.
+        ArrayError: If rays have too many neighbors.
     """
     from warpvis.kernels.sensors.lidar_noise import Glare
 
@@ -47,11 +50,21 @@ def find_neighbors(directions: NDArray, reach: float) -> tuple[NDArray[np.int32]
     Returns:
         The index of the first neighbor of each direction and the number of all neighbors, shape ``(N + 1,)``; the
         neighbors, shape ``(P,)``; and their angles [rad], float32, shape ``(P,)``.
+
+    Raises:
+        ArrayError: If there are more than `_MAX_NEIGHBORS`.
     """
     spatial = require_package("scipy.spatial", "glare needs SciPy", "lidar")
     given = np.flatnonzero(np.isfinite(directions).all(axis=1))
     units = directions[given] / np.linalg.norm(directions[given], axis=1, keepdims=True)
-    pairs = spatial.cKDTree(units).query_pairs(2.0 * np.sin(0.5 * min(reach, np.pi)), output_type="ndarray")
+    tree, chord = spatial.cKDTree(units), 2.0 * np.sin(0.5 * min(reach, np.pi))
+    number = tree.count_neighbors(tree, chord) - len(units)
+    if number > _MAX_NEIGHBORS:
+        raise ArrayError(
+            f"glare_angle must be smaller for {len(units)} rays: they must have at most {_MAX_NEIGHBORS} neighbors "
+            f"within {reach:g} rad, got {number}"
+        )
+    pairs = tree.query_pairs(chord, output_type="ndarray")
     both = np.concatenate([pairs, pairs[:, ::-1]])
     both = both[np.lexsort(both.T[::-1])]
     chords = np.linalg.norm(units[both[:, 0]] - units[both[:, 1]], axis=1)

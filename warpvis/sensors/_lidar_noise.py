@@ -195,7 +195,7 @@ class LidarNoise(DepthSensor):
         along, span = rays_on_device(rays, device), _span(rays, device)
         glare = self._glare(exposure, rays, along, model, inputs, span)
         given = [along, *self._rings(rays, device), exposure.incidence, model, glare, inputs, span]
-        exposure.launch(measure_lidar, *given, kernel_images(exposure), cameras=[exposure.poses], rows=True)
+        exposure.launch(measure_lidar, *given, kernel_images(exposure), cameras=[exposure.poses], rows=1)
 
     def _glare(
         self, exposure: Exposure, rays: Rays, along: wp.array, model: LidarModel, inputs: SensorInputs, span: int
@@ -208,7 +208,7 @@ class LidarNoise(DepthSensor):
         glare = prepare_glare(rays, self.glare, self.glare_angle, exposure.scene.device)
         glare.power = exposure.scratch("power", exposure.true_depth.shape, wp.float32)
         given = [along, exposure.incidence, model, inputs, span, glare.power]
-        exposure.launch(receive_power, *given, cameras=[exposure.poses], rows=True)
+        exposure.launch(receive_power, *given, cameras=[exposure.poses], rows=1)
         return glare
 
     def apply(
