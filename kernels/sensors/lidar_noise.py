@@ -70,7 +70,7 @@ class Glare:
     sigma: float
     """Standard deviation [rad]."""
     power: wp.array3d[float]
-    """(view, y, x): what `receive_power` writes."""
+    """(view, y, x): power of the surface of each ray, relative to the limit of detection; 0 without one."""
 
 
 @wp.struct
@@ -139,9 +139,28 @@ def surface_echo(model: LidarModel, distance: wp.float64, reflectivity: wp.float
 
 
 @wp.func
-def cosine_of(pose: wp.transform, ray: wp.vec3d, normal: wp.vec3) -> wp.float64:
-    """Return the cosine of incidence of a ray of the lidar's frame, times the ray's length."""
-    return wp.abs(wp.dot(wp.quat_rotate(pose_rotation(pose), ray), wp.vec3d(normal)))
+def shown_echo(
+    model: LidarModel,
+    inputs: SensorInputs,
+    rays_to_world: wp.array[wp.transform],
+    ray: wp.vec3d,
+    incidence: wp.array3d[float],
+    view: int,
+    y: int,
+    x: int,
+) -> Echo:
+    """Return the echo of the surface that a ray of the lidar's frame shows; arguments are those of `measure_lidar`."""
+    length = wp.length(ray)
+    reflectivity = wp.float64(1.0)
+    if inputs.segmentation:
+        reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
+    cosine = wp.float64(0.0)
+    if incidence:
+        cosine = wp.float64(incidence[view, y, x])
+    else:
+        along = wp.quat_rotate(pose_rotation(rays_to_world[view]), ray)
+        cosine = wp.abs(wp.dot(along, wp.vec3d(inputs.normals[view, y, x])))
+    return surface_echo(model, wp.float64(inputs.true_depth[view, y, x]) * length, reflectivity, cosine / length)
 
 
 @wp.func
@@ -208,17 +227,7 @@ def receive_power(
         depth = inputs.true_depth[view, y, x]
         power = float(0.0)
         if wp.isfinite(depth):
-            ray = rays_in[y, x]
-            length = wp.length(ray)
-            reflectivity = wp.float64(1.0)
-            if inputs.segmentation:
-                reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
-            cosine = wp.float64(0.0)
-            if incidence_in:
-                cosine = wp.float64(incidence_in[view, y, x]) / length
-            else:
-                cosine = cosine_of(rays_to_world[view], ray, inputs.normals[view, y, x]) / length
-            echo = surface_echo(model, wp.float64(depth) * length, reflectivity, cosine)
+            echo = shown_echo(model, inputs, rays_to_world, rays_in[y, x], incidence_in, view, y, x)
             power = echo.power
         power_out[view, y, x] = power
 
@@ -267,15 +276,7 @@ def measure_lidar(
             echo.power = 0.0
             echo.straight = 0.0
         elif model.min_power > wp.float64(0.0):
-            reflectivity = wp.float64(1.0)
-            if inputs.segmentation:
-                reflectivity = wp.float64(inputs.reflectivity[inputs.segmentation[view, y, x]])
-            cosine = wp.float64(0.0)
-            if incidence_in:
-                cosine = wp.float64(incidence_in[view, y, x]) / length
-            else:
-                cosine = cosine_of(rays_to_world[view], ray, inputs.normals[view, y, x]) / length
-            echo = surface_echo(model, echo.range, reflectivity, cosine)
+            echo = shown_echo(model, inputs, rays_to_world, ray, incidence_in, view, y, x)
 
         reason = loss_of(model, pixel, echo)
         if glare.firsts:
