@@ -89,7 +89,7 @@ struct Stereo {
     }
 
 #if defined(__CUDA_ARCH__)
-    // The same for the pixels of a thread, whose windows overlap.
+    // `support` of the pixels of a thread, whose windows overlap.
     inline void find_supports(int x, float* supports) const {
         if (!model.window || model.window > (int)DepthStrip::REACH) {
 #pragma unroll
