@@ -11,7 +11,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis import scenes
-from warpvis.rendering.casters import packets_cuda
+from warpvis.rendering.casters import packed_launch_cuda, packets_cuda
 from warpvis.rendering.casters.base import CastOptions, ViewBatch
 from warpvis.rendering.casters.packets_cuda import CudaPacketsCaster, packet_side
 from warpvis.scene.worlds import parse_worlds
@@ -55,7 +55,7 @@ def test_launched_kernels_and_sizes(monkeypatch):
     scene, camera, launched = scenes.PRESETS["room"].build("cpu"), wv.Camera.from_fov(100, 40, hfov=1.0), []
     scene.bvh()  # building trees launches kernels too
     monkeypatch.setattr(packets_cuda, "_kernel", lambda *key: key)
-    monkeypatch.setattr(packets_cuda, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
+    monkeypatch.setattr(packed_launch_cuda, "launch", lambda kernel, dim, *_, **__: Recorded(launched, (kernel, dim)))
     depth, ids = wp.zeros((3, 40, 100)), wp.zeros((3, 40, 100), dtype=wp.int32)
     worlds, poses = parse_worlds(scene, 3, None, None, None), wp.zeros(3, dtype=wp.transform)
     for clip_near in (False, True):
@@ -73,7 +73,7 @@ def test_launched_kernel_with_object_scales(monkeypatch):
     scene.add(trimesh.creation.box(), movable=True)
     scene.bvh()
     monkeypatch.setattr(packets_cuda, "_kernel", lambda *key: key)
-    monkeypatch.setattr(packets_cuda, "launch", lambda kernel, *_, **__: Recorded(launched, kernel[2:]))
+    monkeypatch.setattr(packed_launch_cuda, "launch", lambda kernel, *_, **__: Recorded(launched, kernel[2:]))
     caster = CudaPacketsCaster(scene, camera, CastOptions())
     for scales in (None, np.ones((1, 1, 3))):
         worlds = parse_worlds(scene, 1, None, None, None, scales)

@@ -144,7 +144,7 @@ def test_points_in_the_order_of_the_list(emulator):
     renderer = renderer_of(emulator, scene, outputs=("depth",))
     whole = renderer.render_at(eyes(2), pixels).depth.numpy()
     renderer = renderer_of(emulator, scene, outputs=("depth",), variant=LISTED)
-    seen = cast_points(renderer, eyes(2), pixels, used=wp.array([600, 600], dtype=wp.int32))
+    seen = cast_points(renderer, eyes(2), pixels, used=wp.array([600, 600], dtype=wp.int32, device="cpu"))
     np.testing.assert_array_equal(seen, whole)
 
 
