@@ -97,7 +97,7 @@ POINTS = """warpvis::PointPacket::cast(warpvis::Scene::of(scene, worlds, found, 
 """
 USED_POINTS = """warpvis::PointPacket::cast_used(warpvis::Scene::of(scene, worlds, found, view),
                                 warpvis::View::of(camera, poses, view, cull_backfaces),
-                                warpvis::PointList::of(rays, view), warpvis::Warp::uniform(packet_y), rays.step,
+                                warpvis::UsedPoints::of(rays, view), warpvis::Warp::uniform(packet_y), rays.step,
                                 warpvis::Images::of(images, scene), memory);
 """
 BUNDLE = """warpvis::TablePacket::of(rays, view, warpvis::Warp::uniform(packet_y))

@@ -66,11 +66,12 @@ struct Camera {
         const Vec3 offset = Vec3::minus(p, origin);
         return MOVABLE || RAY_ORIGINS ? Vec3::minus(offset, origin_error) : offset;
     }
-    // A coordinate, moved outward or inward by the greatest distance of a ray from the center of its pixel.
+    // A coordinate, moved outward or inward by the greatest distance of a ray from the center of its pixel. Points of
+    // an image have the same along both axes: one number takes fewer registers.
     inline float right_of(float u) const { return RAY_TABLE ? u + spread.u : u; }
     inline float left_of(float u) const { return RAY_TABLE ? u - spread.u : u; }
-    inline float below(float v) const { return RAY_TABLE ? v + spread.v : v; }
-    inline float above(float v) const { return RAY_TABLE ? v - spread.v : v; }
+    inline float below(float v) const { return IS_TABLE ? v + spread.v : right_of(v); }
+    inline float above(float v) const { return IS_TABLE ? v - spread.v : left_of(v); }
     // A margin around a ray as one around the center of its pixel.
     inline ImagePoint wider(float margin) const { return ImagePoint{right_of(margin), below(margin)}; }
     // An element of a row of to_camera in the frame of an object, given the axis and the ray's component.

@@ -115,7 +115,9 @@ struct Write {
     static inline void slots(const Scene& scene, const View& view, const Camera& camera, const Packet& packet,
                              const Rays& rays, int count, const Images& out) {
         const long long first = (long long)view.index * count;
-        if (!more_than_depth(out)) {
+        const bool more = more_than_depth(out);
+        // Packets of points have only few slots.
+        if (IS_TABLE && !more) {
             if (out.depth) slot_depths(view, packet, rays, out.depth + first);
             return;
         }
@@ -126,7 +128,10 @@ struct Write {
             const Key key = *packet.at(slot);
             const float inv_z = slot_inv_z(key), z = Reciprocal::of(inv_z);
             const Found found = Found::of(view, key, inv_z, z, rays.measure_of(slot).depth(z));
-            pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
+            if (more)
+                pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
+            else if (out.depth)
+                out.depth[first + at] = found.depth;
         }
     }
     // Slots without a ray count as very near; they show nothing.

@@ -16,26 +16,24 @@
 
 #include "cuda/packets.h"
 
-// The points of a view, in the order in which packets take them.
+// The points of a view, in rows or sorted by position.
 struct PointList {
     const ImagePoint* pixels;  // [px], from the image's corner
     int count;
-    int used;  // number of points that are cast
-    const int* order;  // order of the points sorted by position; null if they are in rows or in order
-    int columns;  // columns of each row; packets take squares of rows and columns. 0 if points are in order
+    const int* order;  // order of the points sorted by position; null if they are in rows
+    int columns;  // columns of each row; packets take squares of rows and columns
 
     // The points of a view, of a `PointLists` of kernels/casting/point_order.py.
     template <class PointLists>
     static inline PointList of(const PointLists& points, int view) {
         static_assert(sizeof(*points.pixels.data) == sizeof(ImagePoint), "points are read as two numbers");
-        const bool in_order = points.used.data, sorted = !in_order && points.spread.data[view] > 0;
+        const bool sorted = points.spread.data[view] > 0;
         const int first = sorted && view > 0 ? points.ends.data[(long long)view * points.cells - 1] : 0;
         PointList list;
         list.count = points.pixels.shape[1];
-        list.used = in_order ? points.used.data[view] : list.count;
         list.pixels = (const ImagePoint*)points.pixels.data + (long long)view * list.count;
         list.order = sorted ? points.order.data + first : nullptr;
-        list.columns = in_order ? 0 : points.columns;
+        list.columns = points.columns;
         return list;
     }
 
@@ -50,15 +48,34 @@ struct PointList {
     // This lane's point of a block; -1 if it has no point.
     inline int index(int packet, int block) const {
         const int lane = Warp::lane();
-        if (order || columns == 0) {
+        if (order) {
             const int i = packet * SLOTS + block * LANES + lane;
-            return i >= used ? -1 : order ? order[i] : i;
+            return i < count ? order[i] : -1;
         }
         const int across = (columns + COLUMNS - 1) / COLUMNS;
         const int x = packet % across * COLUMNS + block % ACROSS * BLOCK_WIDTH + Packet::pixel_x(lane);
         const int y = packet / across * ROWS + block / ACROSS * BLOCK_HEIGHT + Packet::pixel_y(lane);
         const long long i = (long long)y * columns + x;
         return x < columns && i < count ? (int)i : -1;
+    }
+};
+
+// The first points of a view, in order. They have a separate kernel: with both orders in one, its code no longer fits
+// the instruction cache.
+struct UsedPoints {
+    const ImagePoint* pixels;
+    int count;
+    int used;  // number of points that are cast
+
+    template <class PointLists>
+    static inline UsedPoints of(const PointLists& points, int view) {
+        const int count = points.pixels.shape[1];
+        return UsedPoints{(const ImagePoint*)points.pixels.data + (long long)view * count, count,
+                          points.used.data[view]};
+    }
+    inline int index(int packet, int block) const {
+        const int i = packet * SLOTS + block * LANES + Warp::lane();
+        return i < used ? i : -1;
     }
 };
 
@@ -99,7 +116,8 @@ struct PointPacket {
 
     // Write the points' indices in the list to shared memory and set the bounds of this lane's block. Returns the
     // bounds of all points.
-    static inline PointBounds find(const View& view, const PointList& list, int number, Places& places,
+    template <class List>
+    static inline PointBounds find(const View& view, const List& list, int number, Places& places,
                                    PointBounds& of_block) {
         of_block = PointBounds::none();
         for (int block = 0; block < SLOT_BLOCKS; ++block) {
@@ -181,7 +199,7 @@ struct PointPacket {
     }
 
     // Draw and write one in `step` packets of the points that are used.
-    static inline void cast_used(const Scene& scene, const View& view, const PointList& list, int number, int step,
+    static inline void cast_used(const Scene& scene, const View& view, const UsedPoints& list, int number, int step,
                                  const Images& out, WarpMemory& memory) {
         for (; number * (int)SLOTS < list.used; number += step) {
             cast(scene, view, list, number, out, memory);
@@ -189,7 +207,8 @@ struct PointPacket {
         }
     }
     // Draw and write a packet of a view. If the view's world does not exist, nothing is visible.
-    static inline void cast(const Scene& scene, const View& view, const PointList& list, int number, const Images& out,
+    template <class List>
+    static inline void cast(const Scene& scene, const View& view, const List& list, int number, const Images& out,
                             WarpMemory& memory) {
         Camera& camera = memory.cameras[WarpMemory::WORLD];
         PointBounds of_block;
