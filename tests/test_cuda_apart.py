@@ -223,6 +223,13 @@ def test_rays_are_either_single_or_in_packets(name):
         assert packets.eyes.numpy()[:, 3:5].max() <= limit
 
 
+def test_rays_from_one_point_are_never_single():
+    """Single rays may pass through a vertex of a closed surface."""
+    directions = spread_out(2000, 0.05)[0][None]
+    prepared = prepare_packets(directions, wp.get_device("cpu"), max_eye_offset=MAX_EYE_OFFSET)
+    assert prepared.points is not None and not len(prepared.single)
+
+
 def test_few_packets_are_cut_into_smaller_ones():
     lidar = lidars.vlp16()
     shape = (lidar.height, lidar.width, 3)

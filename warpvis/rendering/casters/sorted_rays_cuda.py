@@ -94,9 +94,9 @@ def prepare_packets(
 ) -> PreparedPackets:
     """Prepare rays of depth 1 in the camera frame, shape (H, W, 3); NaN for pixels without a ray.
 
-    Rays start at the camera's origin, or at `origins`, shape (H, W, 3), which must be close to it. With
+    Rays start at the camera's origin, or at `origins`, shape (H, W, 3), which must be close to it. With origins and
     `max_eye_offset`, rays that are in no square are single, and squares with a ray that passes their eye at a greater
-    distance [px m], too.
+    distance [px m], too. Rays from one origin never are: single rays may pass through a vertex of a closed surface.
 
     The packets depend on the arguments only, so that the last digits of a view do not change with the number of views.
     """
@@ -113,7 +113,7 @@ def prepare_packets(
     index = grouped
     small, scattered = _arrange(np.where(np.isin(index, large), -1, index), flat, _SMALL_SIDE)
     places, single = [(_LARGE_SIDE, large), (_SMALL_SIDE, small)], np.zeros(0, dtype=np.int64)
-    if max_eye_offset is not None:
+    if max_eye_offset is not None and origins is not None:
         near = [maker.eye_offsets_of(place, side) <= max_eye_offset for side, place in places]
         # Warps of single rays are blocks of squares.
         others = [place[~is_near][:, z_buffer_order(side)] for (side, place), is_near in zip(places, near, strict=True)]
