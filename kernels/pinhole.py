@@ -7,6 +7,8 @@ Geometry is computed in double precision from single-precision input and rounded
 
 import warp as wp
 
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
 
 @wp.struct
 class PinholeCamera:
@@ -132,3 +134,20 @@ def back_project_pixel(camera: PinholeCamera, pose: wp.transform, y: int, x: int
         return wp.vec3(wp.nan, wp.nan, wp.nan)
     direction = wp.quat_rotate(pose_rotation(pose), pixel_ray(camera, y, x))
     return wp.vec3(pose_origin(pose) + wp.float64(depth) * direction)
+
+
+@wp.kernel
+def measure_slopes(
+    # Cameras:
+    camera: PinholeCamera,
+    # Out:
+    columns_out: wp.array[wp.float64],
+    rows_out: wp.array[wp.float64],
+):
+    """Write x of the rays of columns, or y of the rays of rows, for z = 1."""
+    i = wp.tid()
+    center = wp.float64(i) + wp.float64(0.5)
+    if i < columns_out.shape[0]:
+        columns_out[i] = (center - camera.cx) / camera.fx
+    if i < rows_out.shape[0]:
+        rows_out[i] = (center - camera.cy) / camera.fy

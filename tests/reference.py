@@ -240,6 +240,14 @@ class Images:
     faces: NDArray[np.int64] | None = None
 
 
+def measure_slopes(camera):
+    """Return x of the rays of columns and y of the rays of rows, for z = 1."""
+    return (
+        (np.arange(camera.width) + 0.5 - camera.cx) / camera.fx,
+        (np.arange(camera.height) + 0.5 - camera.cy) / camera.fy,
+    )
+
+
 def triangles_in_camera(scene: Scene, pose: NDArray) -> tuple[NDArray, NDArray]:
     """Return vertices of all triangles in the camera frame, shape (T, 3, 3), and their objects, shape (T,)."""
     matrix = poses_to_matrices(np.asarray(pose, dtype=np.float32))

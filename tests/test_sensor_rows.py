@@ -3,15 +3,18 @@
 """Tests of depth-camera models on the CPU, for 16 pixels at a time, against the same formulas for one pixel."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import warp as wp
 from reference_redwood import make_table
 
 import warpvis as wv
 from warpvis.sensors import Corruptions, KhoshelhamNoise, NguyenNoise, Reason, RedwoodNoise, SimKinect, TimeOfFlight
-from warpvis.sensors.depth import _kinect_models
+from warpvis.sensors.depth import _base, _kinect_models
 
+import reference
 from support.one_pixel import compute_one_pixel_at_a_time
 
 # The width is a multiple of neither the register width nor the number of pixels that share random words.
@@ -75,3 +78,21 @@ def test_listed_dots_of_simkinect_equal_rows(room, pattern, monkeypatch):
     np.testing.assert_array_equal(listed.depth.numpy(), rows.depth.numpy())
     np.testing.assert_array_equal(listed.reasons.numpy(), rows.reasons.numpy())
     assert (rows.reasons.numpy() == Reason.VALID).mean() > 0.01
+
+
+def test_slopes_of_a_gpu_are_those_of_a_cpu(monkeypatch):
+    """A GPU computes them in memory of the call, as one that a captured graph reads must not be freed."""
+    camera, made = wv.Camera(149, 37, 101.3, 99.7, 70.1, 20.3), {}
+
+    def scratch(name, shape, dtype):
+        return made.setdefault(name, wp.zeros(shape, dtype=dtype, device="cpu"))
+
+    monkeypatch.setattr(_base, "launch", lambda kernel, dim, inputs, _: wp.launch(kernel, dim, inputs, device="cpu"))
+    found, cached = (
+        _base._slopes_of(camera, SimpleNamespace(scratch=scratch, scene=SimpleNamespace(device=device)))
+        for device in (SimpleNamespace(is_cpu=False), wp.get_device("cpu"))
+    )
+    for one, other, said in zip(found, cached, reference.measure_slopes(camera), strict=True):
+        np.testing.assert_array_equal(one.numpy(), said)
+        np.testing.assert_array_equal(other.numpy(), said)
+    assert list(made.values()) == list(found)

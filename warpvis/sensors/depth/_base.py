@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.pinhole import Camera, require_camera
 from warpvis.core.checks import check_number, is_number
+from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import write_fields
 from warpvis.errors import ArrayError
 from warpvis.kernels import constants
@@ -121,13 +122,7 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     camera = exposure.camera
     inputs: Any = SensorInputs()
     inputs.seed = exposure.seed
-    slopes = (None, None)
-    if isinstance(camera, Camera):
-        device = str(exposure.scene.device)
-        slopes = (
-            _slopes(camera.width, camera.fx, camera.cx, device),
-            _slopes(camera.height, camera.fy, camera.cy, device),
-        )
+    slopes = _slopes_of(camera, exposure) if isinstance(camera, Camera) else (None, None)
     fields = {
         "column_slopes": slopes[0],
         "row_slopes": slopes[1],
@@ -141,10 +136,26 @@ def kernel_inputs(exposure: Exposure) -> SensorInputs:
     return inputs
 
 
+def _slopes_of(camera: Camera, exposure: Exposure) -> tuple[wp.array, wp.array]:
+    """Return the slopes of rays, cached on a CPU; on a GPU in memory of the call, which a captured graph keeps."""
+    from warpvis.kernels.pinhole import measure_slopes
+
+    if exposure.scene.device.is_cpu:
+        columns, rows = (camera.width, camera.fx, camera.cx), (camera.height, camera.fy, camera.cy)
+        return _slopes(*columns), _slopes(*rows)
+    slopes = (
+        exposure.scratch("column slopes", (camera.width,), wp.float64),
+        exposure.scratch("row slopes", (camera.height,), wp.float64),
+    )
+    inputs = [camera.device_struct(), *slopes]
+    launch(measure_slopes, max(camera.width, camera.height), inputs, exposure.scene.device)
+    return slopes
+
+
 @lru_cache(maxsize=64)
-def _slopes(count: int, focal_length: float, center: float, device: str) -> wp.array:
+def _slopes(count: int, focal_length: float, center: float) -> wp.array:
     """Return x of the rays of columns, or y of the rays of rows, for z = 1."""
-    return wp.array((np.arange(count) + 0.5 - center) / focal_length, dtype=wp.float64, device=device)
+    return wp.array((np.arange(count) + 0.5 - center) / focal_length, dtype=wp.float64, device="cpu")
 
 
 def kernel_images(exposure: Exposure) -> MeasuredImages:
