@@ -202,7 +202,7 @@ class CudaMovingPackets:
         legs = 1 if sensor.is_screw else min(_MAX_LEGS, sensor.legs.shape[0])
         # A captured graph must not share its memory.
         pool = Pool() if device.is_cuda and device.is_capturing else self._options.pool
-        kind = "moving tables", legs, device.is_cuda and device.stream
+        kind = self, "moving tables", legs, device.is_cuda and device.stream
         for first in range(0, views.count, most):
             part = call if most == views.count else call.part(slice(first, min(first + most, views.count)))
             pool.use(kind, TableMemory, partial(self._cast, part, legs))
