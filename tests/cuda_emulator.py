@@ -36,8 +36,9 @@ from warpvis.rendering import Renderer
 from warpvis.rendering.casters.base import CastOptions, ImagesByName, ViewBatch, images_struct
 from warpvis.rendering.casters.points_cuda import lists_of, packet_count
 from warpvis.rendering.casters.rays import RayBundleCaster, RaysCaster
-from warpvis.rendering.casters.sorted_rays_cuda import prepare_all
 from warpvis.scene.acceleration.geometry import build_scene_bvh
+
+from support.prepared_packets import prepare_all
 
 NATIVE = Path(__file__).parent / "native"
 HEADERS = Path(native_source.__file__).parent / "native"

@@ -9,8 +9,9 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.rendering.casters.sorted_rays_cpu import prepare_rays
-from warpvis.rendering.casters.sorted_rays_cuda import prepare_all, prepare_packets
+from warpvis.rendering.casters.sorted_rays_cuda import prepare_packets
 
+from support.prepared_packets import prepare_all
 from support.solids import build as build_solids
 from support.table_packets import PATTERNS, Table, assert_views_match, scan, unit, with_gaps
 from support.worlds import ALL, random_poses

@@ -124,27 +124,6 @@ def prepare_packets(
     return PreparedPackets(maker, squares, scattered, single)
 
 
-def prepare_all(
-    rays: NDArray[np.float64],
-    side: int,
-    device: wp.Device,
-    origins: NDArray[np.float64] | None = None,
-    packet_side: int | None = None,
-) -> RayPackets:
-    """Prepare rays as `prepare_packets` does, in one kind of packets: squares of `side`, or points if `side` is 0.
-
-    With `packet_side`, packets are windows of the squares.
-    """
-    flat, index, make = _flat(rays), _indices(rays), _Maker(rays, origins, device)
-    if side == 0:
-        full, partial_packets, without = _sorted(index.ravel(), flat.reshape(rays.shape), POINTS)
-        place = np.concatenate([_in_points(full, partial_packets), _padded(without, POINTS)])
-        return make.points(place)
-    squares, scattered = _arrange(index, flat, side)
-    place = np.concatenate([squares, np.pad(scattered, ((0, 0), (0, side * side - POINTS)), constant_values=-1)])
-    return make.windows([make.squares(place, side)], packet_side or side)
-
-
 def _flat(rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return rays with shape (N, 3); zeros for pixels without a ray."""
     flat = rays.reshape(-1, 3)
