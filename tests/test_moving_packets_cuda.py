@@ -285,9 +285,9 @@ def share_that_differs(views, rays):
 
 @pytest.mark.cxx
 @pytest.mark.smoke("lidar", "shutter")
-@pytest.mark.parametrize("name", sensors())
+@pytest.mark.parametrize("name", ["lidar", "shutter", "fisheye"])
 def test_emulated_packets_match_single_rays(name, emulator):
-    """A room, and worlds whose objects do not move."""
+    """A room, and worlds whose objects do not move. All rays are in packets, which the emulator requires."""
     rng, camera = np.random.default_rng(3), sensors()[name]
     rows = np.stack([random_poses(rng, 5, spread=1.5) for _ in range(2)])
     scene = build("cpu", rows[0], movable=True)

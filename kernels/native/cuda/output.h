@@ -128,10 +128,8 @@ struct Write {
             const Key key = *packet.at(slot);
             const float inv_z = slot_inv_z(key), z = Reciprocal::of(inv_z);
             const Found found = Found::of(view, key, inv_z, z, rays.measure_of(slot).depth(z));
-            if (more)
-                pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
-            else if (out.depth)
-                out.depth[first + at] = found.depth;
+            if (more) pixel(scene, frame, camera, packet, out, Spot{first + at, 0, 0, slot}, found);
+            if (!more && out.depth) out.depth[first + at] = found.depth;
         }
     }
     // Slots without a ray count as very near; they show nothing.
