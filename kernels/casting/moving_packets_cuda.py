@@ -37,10 +37,15 @@ def number_remaining(terms: MovingTerms, rows: int) -> int:
 
 
 @wp.func
-def row_remaining(terms: MovingTerms, number: int) -> int:
-    if not terms.remaining:
-        return number
-    return terms.remaining[number]
+def ray_remaining(terms: MovingTerms, place: wp.array2d[wp.int32], rays: TimedRays, number: int, slot: int) -> wp.vec3i:
+    """Return the view, y and x of the ray in a slot of one of these packets; y is -1 without a ray."""
+    row, columns = number, rays.directions.shape[1]
+    if terms.remaining:
+        row = terms.remaining[number]
+    view, pixel = row // place.shape[0], place[row % place.shape[0], slot]
+    if pixel < 0:
+        return wp.vec3i(view, -1, -1)
+    return wp.vec3i(view, pixel // columns, pixel % columns)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -67,11 +72,9 @@ def cast_remaining_rays(
     """
     first, slot = wp.tid()
     for number in range(first, number_remaining(terms, rows[0]), rows[1]):
-        row, columns = row_remaining(terms, number), rays.directions.shape[1]
-        view, pixel = row // place_in.shape[0], place_in[row % place_in.shape[0], slot]
-        if pixel >= 0:
-            y, x = pixel // columns, pixel % columns
-            cast_moving_ray(scene, camera, sensor, rays, worlds, view, y, x, cull_backfaces, images_out)
+        at = ray_remaining(terms, place_in, rays, number, slot)
+        if at[1] >= 0:
+            cast_moving_ray(scene, camera, sensor, rays, worlds, at[0], at[1], at[2], cull_backfaces, images_out)
 
 
 @wp.kernel(cuda_max_registers=CUDA_REGISTERS)
@@ -95,11 +98,11 @@ def cast_remaining_at_objects(
     """Write the images of rays whose packets were not cast, for moving objects."""
     first, slot = wp.tid()
     for number in range(first, number_remaining(terms, rows[0]), rows[1]):
-        row, columns = row_remaining(terms, number), rays.directions.shape[1]
-        view, pixel = row // place_in.shape[0], place_in[row % place_in.shape[0], slot]
-        if pixel >= 0:
-            y, x = pixel // columns, pixel % columns
-            cast_ray_at_objects(scene, camera, sensor, rays, worlds, objects, view, y, x, cull_backfaces, images_out)
+        at = ray_remaining(terms, place_in, rays, number, slot)
+        if at[1] >= 0:
+            cast_ray_at_objects(
+                scene, camera, sensor, rays, worlds, objects, at[0], at[1], at[2], cull_backfaces, images_out
+            )
 
 
 @wp.func_native("""
