@@ -77,9 +77,12 @@ class CudaRayBundleCaster(RayBundleCaster):
         return PackedPackets(groups, lens, views, cull, self._scene.device)
 
     def _splits(self, views: ViewBatch) -> bool:
-        """Return whether some rays may be single and the others in packets, in a scene in which nothing moves."""
+        """Return whether some rays may be single and the others in packets, in a scene in which nothing moves.
+
+        All rays from one point are in packets, in any scene.
+        """
         camera = self._camera
-        is_near = camera.origins is None or origin_extent(camera) <= MAX_ORIGIN_EXTENT
+        is_near = camera.origins is not None and origin_extent(camera) <= MAX_ORIGIN_EXTENT
         return is_near and takes_sorted_rays(self._options, views, camera.width * camera.height)
 
     def _uses_single_rays(self, worlds: Worlds) -> bool:
@@ -101,7 +104,7 @@ class CudaRayBundleCaster(RayBundleCaster):
 
     @property
     def _single_rays(self) -> SortedRays | None:
-        """The other rays; None if there are none."""
+        """The other rays; None if all are in packets."""
         camera, device = self._camera, self._scene.device
 
         def make() -> SortedRays | None:
