@@ -209,7 +209,7 @@ def test_distant_rays_exceed_the_eye_offset_limit():
 
 @pytest.mark.parametrize("name", ["vlp32c", "hdl64e"])
 def test_rays_are_either_single_or_in_packets(name):
-    """Where nothing moves, rays in no square, or far from the eye of theirs, are cast one by one."""
+    """If nothing moves, rays outside of squares, or far from the eye of their square, are cast one by one."""
     lidar = getattr(lidars, name)()
     shape = (lidar.height, lidar.width, 3)
     rays, origins = lidar.rays.reshape(shape), lidar.origins.reshape(shape)

@@ -46,7 +46,7 @@ class Motion:
 
 @wp.struct
 class TimedRays:
-    """Rays of a sensor, (y, x): directions in its frame, of depth 1, and NaN where there is none."""
+    """Rays of a sensor, (y, x): directions in its frame, of depth 1; NaN for a pixel without a ray."""
 
     directions: wp.array2d[wp.vec3d]
     origins: wp.array2d[wp.vec3d]
