@@ -157,9 +157,9 @@ def test_unused_points_of_single_rays_hit_nothing(device):
 
 def cast_points(renderer, poses, pixels, **options):
     """Return the depth of points with options of `ViewBatch`."""
-    points, caster = wp.array(pixels[:, None], dtype=wp.vec2), renderer._caster
+    points, caster = wp.array(pixels[:, None], dtype=wp.vec2, device="cpu"), renderer._caster
     worlds = parse_worlds(renderer.scene, len(poses), None, None, None)
-    depth = wp.zeros(points.shape, dtype=wp.float32)
+    depth = wp.zeros(points.shape, dtype=wp.float32, device="cpu")
     caster.cast(
         ViewBatch(caster.parse_poses(poses, renderer.camera.axes), worlds, pixels=points, **options), {"depth": depth}
     )
