@@ -31,6 +31,7 @@ from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import ObjMaterials, has_normals, obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._ply import straighten_ply
+from warpvis.io._readers import SCENE_READERS
 from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.appearances import FileNormals, LazyAppearance, choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
@@ -61,7 +62,10 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
         loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
     is_single = len(loaded.parts) == 1
     names = [part.name or (path.stem if is_single else f"mesh_{number}") for number, part in enumerate(loaded.parts)]
-    parts = [replace(part, name=name) for name, part in zip(_unique(names), loaded.parts, strict=True)]
+    parts = [
+        replace(part, name=name, category=part.category or _category(part))
+        for name, part in zip(_unique(names), loaded.parts, strict=True)
+    ]
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
         more = ", ..." if len(loaded.empty) > _MAX_NAMED else ""
@@ -74,6 +78,12 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     up: Axis | None = "y" if loaded.up == "y" else "z" if loaded.up else None
     classes, lights = _classes(path, parts), tuple(loaded.lights)
     return FileParts(path, parts, up=up, warnings=tuple(messages), classes=classes, lights=lights, sky=loaded.sky)
+
+
+def _category(part: Part) -> str:
+    """Return the category that `Scene.export` writes; empty if there is none."""
+    word = part.extras.get("category", "")
+    return word if isinstance(word, str) else ""
 
 
 def _classes(path: Path, parts: Sequence[Part]) -> LabelRules:
@@ -116,8 +126,9 @@ def _reader_of_others(path: Path, kind: str) -> Callable[[Path], Mapping[str, Me
         needed = _NEEDED.get(kind, "packages that are not installed, as trimesh's documentation says")
         raise FileFormatError(f"{path}: reading .{kind} needs {needed}")
     supported = ", ".join(sorted({*known, *plugin_names(MESH_READERS), "tar"}))
+    scenes = ", ".join(extension.lstrip(".") for extension in SCENE_READERS)
     found = repr(path.suffix) if path.suffix else "a name without a suffix"
-    raise FileFormatError(f"{path}: {found} is not a scene format; supported are wbt, xml, urdf, and {supported}")
+    raise FileFormatError(f"{path}: {found} is not a scene format; supported are {scenes}, and {supported}")
 
 
 def _read_by_plugin(read: Callable[[Path], Mapping[str, MeshLike]], path: Path) -> FileParts:

@@ -11,6 +11,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,9 @@ from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._meshes import read_mesh_file
+from warpvis.io._readers import SCENE_READERS
 from warpvis.scene import Y_UP_TO_Z_UP, Axis, FileParts, SceneObject
 from warpvis.scene.lights import HEADLIGHT
-
-_WEBOTS = (".wbt",)
-_MUJOCO = (".xml", ".urdf")
 
 _FLOAT, _UNSIGNED = 5126, 5125
 _VERTICES, _INDICES = 34962, 34963
@@ -52,16 +51,11 @@ def read_parts(
     missing = next((folder for folder in search_folders if not folder.is_dir()), None)
     if missing is not None:
         raise FileFormatError(f"{missing}: search_path must be folders, and this is not one")
-    kind = path.suffix.lower()
-    require_content(path, "a Webots world" if kind in _WEBOTS else "a model" if kind in _MUJOCO else "a mesh")
-    if kind in _WEBOTS:
-        from warpvis.webots import read_world
-
-        return read_world(path, search_path=search_folders, strict=strict)
-    if kind in _MUJOCO:
-        from warpvis.mujoco import read_model
-
-        return read_model(path, search_path=search_folders, strict=strict)
+    reader, content = SCENE_READERS.get(path.suffix.lower(), ("", "a mesh"))
+    require_content(path, content)
+    if reader:
+        module, _, function = reader.partition(":")
+        return getattr(import_module(module), function)(path, search_path=search_folders, strict=strict)
     found = read_mesh_file(path, search_path=search_folders, strict=strict)
     return found if found.lights else replace(found, lights=(HEADLIGHT,))
 

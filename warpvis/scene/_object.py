@@ -8,7 +8,7 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 import warp as wp
@@ -58,6 +58,8 @@ class SceneObject:
     normals, and of textures without coordinates. None for the identity."""
     shares_mesh: bool = field(default=False, repr=False)
     """Whether it is static, and shares a mesh in its own frame with others."""
+    category: str = ""
+    """Its class in words (``"mug"``), finer than its label; empty if not given."""
     lazy_appearance: LazyAppearance | None = field(default=None, repr=False)
     """Holds or creates its `appearance`."""
     world: NDArray[np.float32] | None = field(default=None, repr=False)
@@ -155,15 +157,12 @@ def _detach(item: SceneObject, objects: Sequence[SceneObject], *, is_instance: b
         return replace(item, pose=objects[item.parent].pose, parent=None)
     if item.pose is not None:
         return item
-    appearance = item.lazy_appearance
+    shown: dict[str, Any] = {"category": item.category, "lazy_appearance": item.lazy_appearance}
     if is_instance:
-        pose = item.place.astype(np.float32)
-        return SceneObject(item.name, item.label, item.mesh.single, pose, lazy_appearance=appearance)
+        return SceneObject(item.name, item.label, item.mesh.single, item.place.astype(np.float32), **shown)
     mesh = Mesh(item.vertices, item.faces) if item.shares_mesh else item.mesh
     origin = None if item.shares_mesh else item.origin
-    return SceneObject(
-        item.name, item.label, mesh, IDENTITY, origin=origin, lazy_appearance=appearance, world=item.vertices
-    )
+    return SceneObject(item.name, item.label, mesh, IDENTITY, origin=origin, world=item.vertices, **shown)
 
 
 def attach(name: str, placed: NDArray[np.floating], parent: SceneObject, *, is_solid: bool) -> NDArray[np.float32]:

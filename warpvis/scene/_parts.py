@@ -56,6 +56,8 @@ class Part:
     has_frame: bool = True
     """Whether its pose is the initial pose if it is movable. If false, the pose only lets static parts share a mesh; a
     movable part then has its vertices in the file's frame, and no pose."""
+    category: str = ""
+    """Its class in the words of the file (``"mug"``), which patterns match, too; empty if not given."""
     aliases: tuple[str, ...] = ()
     """Other names that patterns match: that of its body."""
     appearance: Appearance | LazyAppearance | None = None
@@ -65,12 +67,17 @@ class Part:
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of `Scene.add` that add it."""
-        names = ("mesh", "name", "label", "pose", "movable", "attach_to", "appearance")
+        names = ("mesh", "name", "label", "pose", "movable", "attach_to", "appearance", "category")
         return {name: getattr(self, name) for name in names}
 
     def matches(self, pattern: str) -> bool:
         """Return whether a pattern (``"wall_*"``) matches this part."""
-        return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.aliases))
+        return any(fnmatch.fnmatchcase(name, pattern) for name in (self.name, *self.other_names))
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Names besides its own that patterns match: its aliases and its category."""
+        return (*self.aliases, self.category) if self.category else self.aliases
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +136,7 @@ class FileParts:
         poses = _rotated_poses(parts, upright, factor)
         objects = []
         for part, pose in zip(parts, poses, strict=True):
-            label = labels.label(part.name, part.label, part.aliases)
+            label = labels.label(part.name, part.label, part.other_names)
             if pose is None:
                 part = _rotated(part, upright)
             objects.append(replace(part, pose=pose, label=label))
@@ -228,13 +235,17 @@ def _instance_key(part: Part) -> object:
     if isinstance(part.mesh, Solid) or part.pose is None or part.attach_to is not None:
         return id(part)
     vertices, faces = part.mesh
-    return id(vertices), id(faces), np.shape(part.pose), part.label, part.movable, id(part.appearance)
+    shared = id(vertices), id(faces), id(part.appearance)
+    return *shared, np.shape(part.pose), part.label, part.movable, part.category
 
 
-def label_metadata(names: LabelNames, label: int, *, is_ground: bool) -> dict[str, int | str | bool]:
+def label_metadata(
+    names: LabelNames, label: int, category: str = "", *, is_ground: bool
+) -> dict[str, int | str | bool]:
     """Return the metadata from which readers restore the label of a mesh, with ``ground`` if not the default."""
     number, word = names.number(label), names.word(label)
     flags: dict[str, int | str | bool] = {} if is_ground == (number == Label.GROUND) else {"ground": is_ground}
+    flags |= {"category": category} if category else {}
     if isinstance(number, Label) and word == number.name:
         return {"label": word, **flags}
     return {"label": int(number), **({"label_name": word} if number in names else {}), **flags}

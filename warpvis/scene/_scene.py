@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.rays import OnceCache
 from warpvis.core.arrays import get_device
-from warpvis.core.checks import as_items, check_flag, describe_exception, pluralize
+from warpvis.core.checks import as_items, check_flag, check_text, describe_exception, pluralize
 from warpvis.core.labels import Label, LabelInput, LabelNames, LabelPatterns, LabelRules
 from warpvis.core.poses import QuaternionOrder, check_quaternion, check_up, poses_to_opencv, read_pose, to_xyzw
 from warpvis.core.types import ArrayInput, DeviceLike, MeshLike
@@ -166,6 +166,7 @@ class Scene:
         movable: bool = False,
         attach_to: str | None = None,
         appearance: AppearanceLike | LazyAppearance | None = None,
+        category: str = "",
     ) -> int:
         """Add an object.
 
@@ -187,6 +188,7 @@ class Scene:
             appearance: A `scene.materials.Appearance`, a `Material`, or a color (red, green, blue, and optionally
                 opacity, from 0 to 1, sRGB). By default trimesh's `visual`, which is read when
                 `SceneObject.appearance` is first accessed, or colors are rendered.
+            category: Its class in words (``"mug"``), finer than its label.
 
         Returns:
             The object's index, which is the value of its pixels in the object image.
@@ -201,7 +203,8 @@ class Scene:
         row = None if pose is None else read_pose(pose, quaternion, name=f"pose of {name!r}")
         number = self._label_names.number(label)
         parent = None if attach_to is None else self.index(attach_to)
-        item = SceneObject(name, number, shared, origin=row, solid=solid, parent=parent, lazy_appearance=shown)
+        described: dict[str, Any] = {"category": check_text(category, "category", SceneError), "lazy_appearance": shown}
+        item = SceneObject(name, number, shared, origin=row, solid=solid, parent=parent, **described)
         self._objects.append(place_object(item, self._objects, movable=movable))
         self._forget()
         return len(self._objects) - 1
@@ -217,6 +220,7 @@ class Scene:
         scale: float | ArrayLike = 1.0,
         movable: bool = True,
         appearance: AppearanceLike | LazyAppearance | None = None,
+        category: str = "",
     ) -> range:
         """Add many objects with the same mesh, which share its memory and its tree.
 
@@ -232,6 +236,7 @@ class Scene:
             scale: As for `add`; the same for all.
             movable: As for `add`; the same for all.
             appearance: As for `add`; the same for all.
+            category: As for `add`; the same for all.
 
         Returns:
             The objects' indices, in the order of the poses.
@@ -243,10 +248,11 @@ class Scene:
         shared, solid, shown = read_mesh(self._meshes, mesh, scale, subject, appearance)
         shared.check_reach(rows, subject)
         number = self._label_names.number(label)
+        described: dict[str, Any] = {"category": check_text(category, "category", SceneError), "lazy_appearance": shown}
         if movable:
-            item = SceneObject("", number, shared.single, IDENTITY, solid=solid, lazy_appearance=shown)
+            item = SceneObject("", number, shared.single, IDENTITY, solid=solid, **described)
         else:
-            item = SceneObject("", number, shared, shares_mesh=True, lazy_appearance=shown)
+            item = SceneObject("", number, shared, shares_mesh=True, **described)
             shared.uses += len(rows)
         indices = self._objects.add_instances(chosen, rows, item)
         self._forget()
@@ -265,7 +271,9 @@ class Scene:
                 if len(run) == 1:
                     self.add(**arguments)
                     continue
-                shared = {name: arguments[name] for name in ("mesh", "label", "scale", "movable", "appearance")}
+                shared = {
+                    name: arguments[name] for name in ("mesh", "label", "scale", "movable", "appearance", "category")
+                }
                 poses = np.stack([part.pose for part in run if part.pose is not None])
                 self.add_instances(poses=poses, names=[part.name for part in run], **shared)
             except WarpvisError as error:
@@ -549,7 +557,8 @@ class Scene:
 
     def _metadata(self, item: SceneObject) -> dict[str, int | str | bool]:
         """Return the metadata from which `load` restores the label of an object's mesh."""
-        return label_metadata(self._label_names, item.label, is_ground=item.label in self._ground_labels)
+        is_ground = item.label in self._ground_labels
+        return label_metadata(self._label_names, item.label, item.category, is_ground=is_ground)
 
     def triangles(self, *, faces: bool = False) -> Triangles:
         """Return the triangles and Warp's trees of them, built on first use after a change.

@@ -62,7 +62,8 @@ def as_deforming(item: SceneObject, device: wp.Device) -> SceneObject:
     """Return a movable object whose vertices are on the device, and not initialized."""
     points = wp.empty(len(item.mesh.source), dtype=wp.vec3, device=device)
     mesh = Mesh(points, item.faces, deforms=True)
-    return SceneObject(item.name, item.label, mesh, item.pose, lazy_appearance=item.lazy_appearance)
+    shown = item.lazy_appearance
+    return SceneObject(item.name, item.label, mesh, item.pose, category=item.category, lazy_appearance=shown)
 
 
 def parse_vertices(vertices: ArrayInput, item: SceneObject, device: wp.Device) -> wp.array:
@@ -111,7 +112,7 @@ def with_mesh(item: SceneObject, vertices: ArrayInput, faces: ArrayInput | None,
         is_alike = len(corners) == len(item.mesh.source) and np.array_equal(triangles, item.faces)
     if appearance is not None:
         appearance = appearance.without_normals() if is_alike else appearance.for_any_mesh()
-    return SceneObject(name, item.label, mesh, item.pose, lazy_appearance=appearance)
+    return SceneObject(name, item.label, mesh, item.pose, category=item.category, lazy_appearance=appearance)
 
 
 def _mesh_on_device(vertices: ArrayInput, faces: ArrayInput, name: str, device: wp.Device) -> Mesh:

@@ -1,0 +1,16 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The readers of scene formats other than meshes."""
+
+from __future__ import annotations
+
+SCENE_READERS = {
+    ".wbt": ("warpvis.webots:read_world", "a Webots world"),
+    ".xml": ("warpvis.mujoco:read_model", "a model"),
+    ".urdf": ("warpvis.mujoco:read_model", "a model"),
+}
+"""Readers by file extension, and what such a file contains.
+
+A reader takes the path and the keyword arguments `search_path` and `strict`, and returns `FileParts`. It is imported
+when it is first used.
+"""
