@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from warpvis.scene import lights, materials, randomization, solids, world_appearances
+from warpvis.scene import joints, lights, materials, randomization, solids, world_appearances
 from warpvis.scene._mesh import Mesh as Mesh, keep_winding as keep_winding
 from warpvis.scene._object import (
     SceneObject as SceneObject,
@@ -13,10 +13,17 @@ from warpvis.scene._object import (
     take_snapshot as take_snapshot,
     too_large_for as too_large_for,
 )
-from warpvis.scene._parts import Y_UP_TO_Z_UP as Y_UP_TO_Z_UP, Axis as Axis, FileParts as FileParts, Part as Part
+from warpvis.scene._parts import (
+    Y_UP_TO_Z_UP as Y_UP_TO_Z_UP,
+    Axis as Axis,
+    FileParts as FileParts,
+    Part as Part,
+    move_with_links as move_with_links,
+)
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene
 
 __all__ = [
+    "joints",
     "lights",
     "materials",
     "randomization",

@@ -21,6 +21,7 @@ from warpvis.errors import SceneError
 from warpvis.scene._mesh import placed_at
 from warpvis.scene._object import check_scale
 from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.joints import JointTree
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import Appearance
 from warpvis.scene.solids import Solid
@@ -53,6 +54,8 @@ class Part:
     """Whether the file defines it as movable."""
     attach_to: str | None = None
     """Name of an earlier part that it is attached to; None if it moves independently or is static."""
+    link: str | None = None
+    """Name of the link of `FileParts.joints` that it moves with; None for other parts."""
     has_frame: bool = True
     """Whether its pose is the initial pose if it is movable. If false, the pose only lets static parts share a mesh; a
     movable part then has its vertices in the file's frame, and no pose."""
@@ -103,6 +106,8 @@ class FileParts:
     """Its background, in the file's frame."""
     sky: Callable[[], Background | None] | None = None
     """Reads a background that is shown on request only, in the file's frame."""
+    joints: JointTree = field(default_factory=JointTree)
+    """Its joints, in the file's frame and in meters, if the format defines the unit."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts: `up` if given."""
@@ -154,6 +159,11 @@ class FileParts:
         factor = float(np.max(check_scale(scale, str(self.path))))
         lights = tuple(light.moved(rotation, factor) for light in self.lights)
         return lights, None if self.background is None else self.background.rotated(rotation, factor)
+
+    def scene_joints(self, scene_up: Axis, file_up: Axis | None = None) -> JointTree:
+        """Return the joints in the scene's frame; arguments as for `objects`."""
+        upright = self._upright(scene_up, file_up)
+        return self.joints if upright is None else self.joints.placed(upright)
 
     def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
         """Return the rotation from the file's vertical axis to the scene's; None for the identity."""
@@ -223,6 +233,22 @@ def _rotated_poses(
     # One batch, since the conversion takes long.
     rotated = iter(poses_to_opencv(matrices if upright is None else upright @ matrices))
     return [next(rotated) if has_pose else None for has_pose in posed]
+
+
+def move_with_links(parts: Iterable[Part], joints: JointTree) -> list[Part]:
+    """Return parts that move with their links: those of links that are welded together are attached to the first one.
+
+    Round solids are movable separately, since nothing can be attached to them.
+    """
+    pieces, first_of, moved = joints.pieces(), dict[str, str](), []
+    for part in parts:
+        piece = pieces.get(part.link) if part.link is not None else None
+        if piece is None:
+            moved.append(part)
+            continue
+        first = part.name if isinstance(part.mesh, Solid) else first_of.setdefault(piece, part.name)
+        moved.append(replace(part, movable=True, attach_to=None if first == part.name else first))
+    return moved
 
 
 def instance_runs(parts: Iterable[Part]) -> Iterator[list[Part]]:

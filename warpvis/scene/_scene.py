@@ -30,6 +30,7 @@ from warpvis.scene.acceleration.geometry import SceneBvh, Triangles
 from warpvis.scene.acceleration.scene_trees import SceneTrees
 from warpvis.scene.acceleration.traversal_plan import plan_traversal
 from warpvis.scene.appearances import LazyAppearance, choose_appearance
+from warpvis.scene.joints import JointTree, SceneJoints
 from warpvis.scene.lights import Background, Light
 from warpvis.scene.materials import Appearance, AppearanceLike, Material
 
@@ -77,6 +78,8 @@ class Scene:
         self.ground_labels = ground_labels
         self._lights: tuple[Light, ...] = ()
         self._background: Background | None = None
+        self._joints = JointTree()
+        self._links: dict[str, str] = {}  # links of the joints by the names of their objects
         self._meshes = MeshCache()
         self._objects = ObjectList()
         self._trees = SceneTrees(self.device)
@@ -265,6 +268,9 @@ class Scene:
         scale = options.get("scale", 1.0)
         lights, background = found.environment(self.up, options.get("file_up"), scale)
         self.lights, self.background = (*self.lights, *lights), background or self.background
+        if len(found.joints):
+            self._joints = self._joints.joined(found.scene_joints(self.up, options.get("file_up")))
+            self._links |= {part.name: part.link for part in parts if part.link is not None}
         for run in instance_runs(parts):
             arguments = {**run[0].arguments(), "scale": scale}
             try:
@@ -398,6 +404,19 @@ class Scene:
         return self._derived.get("movable") or self._derived.setdefault("movable", tuple(self._objects.movable))
 
     @property
+    def joints(self) -> SceneJoints:
+        """Joints of the loaded file, such as those of a robot: ``scene.joints.poses({"elbow": angles})``.
+
+        There are none, and `poses` returns the initial poses, if the file defines none.
+        """
+        if "joints" not in self._derived:
+            objects = [self._objects[index] for index in self.movable]
+            links = [self._links.get(item.name) for item in objects]
+            initial = np.array([item.place for item in objects]).reshape(-1, 7)
+            self._derived["joints"] = SceneJoints(self._joints, links, initial)
+        return self._derived["joints"]
+
+    @property
     def label_names(self) -> LabelNames:
         """Names of the classes of pixels, by number: those of `Label` and user-defined ones.
 
@@ -498,18 +517,21 @@ class Scene:
         """Return a scene of other objects with the same settings."""
         scene = Scene(device=device, up=self.up, label_names=self._label_names, ground_labels=self._ground_labels)
         scene._objects, scene._lights, scene._background = ObjectList(objects), self._lights, self._background
+        scene._joints, scene._links = self._joints, dict(self._links)
         return scene
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the objects without trees; another process builds them again."""
         classes = {"label_names": dict(self._label_names), "ground_labels": sorted(self._ground_labels)}
         state = {"device": str(self.device), "up": self.up, "lights": self.lights, "background": self.background}
-        return {**state, **classes, "objects": [take_snapshot(item) for item in self._objects]}
+        joints = {"joints": self._joints, "links": self._links}
+        return {**state, **classes, **joints, "objects": [take_snapshot(item) for item in self._objects]}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         arguments = {name: state[name] for name in ("device", "up", "label_names", "ground_labels")}
         self.__init__(**arguments)  # type: ignore[misc]
         self._objects, self.lights, self.background = ObjectList(state["objects"]), state["lights"], state["background"]
+        self._joints, self._links = state["joints"], state["links"]
 
     def isolated(self) -> Scene:
         """Return a scene of the same objects, each movable and with a separate tree, so that each can be isolated.
