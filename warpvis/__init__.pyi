@@ -16,6 +16,7 @@ from . import (
     scene as scene,
     scenes as scenes,
     sensors as sensors,
+    situations as situations,
     viewer as viewer,
     visibility as visibility,
     viz as viz,
