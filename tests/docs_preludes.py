@@ -13,6 +13,8 @@ import trimesh
 import warpvis as wv
 from warpvis.scenes import EXPERIMENTS
 
+from support.habitat import make_dataset
+
 ROOT = Path(__file__).parent.parent
 
 _ARM = """
@@ -69,6 +71,15 @@ def _appearance(folder):
     arrays = {"rows": [0] * 12, "uv": np.zeros((12, 3, 2)), "points": np.zeros((4, 3))}
     seen = {"camera": wv.Camera.from_fov(16, 12, hfov=1.0), "camera_to_world": wv.look_at((3, 3, 3), (0, 0, 0))}
     return {"mesh": box, "cup": box, "table": box, "crate": box, **arrays, **seen}
+
+
+def _habitat(folder):
+    items = [{"template_name": "cup", "translation": [x, 0.7, 0]} for x in (0, 0.2)]
+    lexicon = {"classes": [{"id": 7, "name": "mug"}]}
+    scene = {"stage_instance": {"template_name": "room"}, "object_instances": [*items, {"template_name": "table"}]}
+    more = {"semantics__lexicon.json": lexicon}
+    make_dataset(folder / "hssd-hab", scene, objects={"cup": {"semantic_id": 7}}, **more)
+    return {}
 
 
 def _room():

@@ -64,7 +64,7 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     names = [part.name or (path.stem if is_single else f"mesh_{number}") for number, part in enumerate(loaded.parts)]
     parts = [
         replace(part, name=name, category=part.category or _category(part))
-        for name, part in zip(_unique(names), loaded.parts, strict=True)
+        for name, part in zip(unique_names(names), loaded.parts, strict=True)
     ]
     messages = [f"{path}: left out {note}" for note in loaded.notes]
     if loaded.empty:
@@ -354,7 +354,7 @@ def _refuse_normals() -> NDArray[np.float32]:
     raise ValueError("some corners have none, or the index of none")
 
 
-def _unique(names: Sequence[str]) -> list[str]:
+def unique_names(names: Sequence[str]) -> list[str]:
     """Append ``_1``, ``_2``, ... to repeated names, so that all names are unique."""
     taken, assigned = set(names), set[str]()
     numbers: dict[str, itertools.count[int]] = {}

@@ -8,6 +8,7 @@ SCENE_READERS = {
     ".wbt": ("warpvis.webots:read_world", "a Webots world"),
     ".xml": ("warpvis.mujoco:read_model", "a model"),
     ".urdf": ("warpvis.mujoco:read_model", "a model"),
+    ".json": ("warpvis.io.datasets._habitat:read_habitat", "a scene of a Habitat dataset"),
 }
 """Readers by file extension, and what such a file contains.
 
