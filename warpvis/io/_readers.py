@@ -4,10 +4,13 @@
 
 from __future__ import annotations
 
+_USD = ("warpvis.io.usd:read_usd", "a USD stage")
+
 SCENE_READERS = {
     ".wbt": ("warpvis.webots:read_world", "a Webots world"),
     ".xml": ("warpvis.mujoco:read_model", "a model"),
     ".urdf": ("warpvis.mujoco:read_model", "a model"),
+    **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
     ".json": ("warpvis.io.datasets._habitat:read_habitat", "a scene of a Habitat dataset"),
 }
 """Readers by file extension, and what such a file contains.

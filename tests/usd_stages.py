@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small USD stages for tests, as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import warpvis as wv
+
+METERS = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
+
+TRIANGLE = """
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    uniform token subdivisionScheme = "none"
+"""
+
+SQUARE = """
+    point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    uniform token subdivisionScheme = "none"
+"""
+
+
+def mesh(name: str, more: str = "", shape: str = TRIANGLE) -> str:
+    """Return the text of a mesh with further properties."""
+    return f'def Mesh "{name}"\n{{{shape}{more}\n}}\n'
+
+
+def write(folder: Path, text: str, name: str = "stage.usda", header: str = METERS) -> Path:
+    """Write a stage, and return its path."""
+    path = folder / name
+    path.write_text(header + text)
+    return path
+
+
+def load(folder: Path, text: str, **options: object) -> wv.Scene:
+    """Write and load a stage in meters with z up."""
+    return wv.Scene.load(write(folder, text), **options)

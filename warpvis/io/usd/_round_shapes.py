@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Triangles of boxes and round shapes about z, with the normals of the true surface at their corners.
+
+The corners of rings lie slightly outside of the true surface, so that the triangles lie as far outside of it at their
+corners as inside at the middles of their edges. The tolerance is relative, since shapes are scaled afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+RELATIVE_TOLERANCE = 5e-4
+"""Maximum distance between triangles and the true surface, as a fraction of the radius."""
+
+_SLICES = 2 * math.ceil(math.pi / math.acos((1 - RELATIVE_TOLERANCE) / (1 + RELATIVE_TOLERANCE)) / 2)
+_GROWTH = 2 / (1 + math.cos(math.pi / _SLICES))
+"""Distance of the corners of a ring from its center, for a circle of radius 1."""
+
+_Shape = tuple[NDArray[np.float64], NDArray[np.integer], NDArray[np.float64] | None]
+"""Vertices, faces and normals of their corners, shape ``(m, 3, 3)``."""
+
+
+def box(half: float) -> _Shape:
+    """Create a cube from ``-half`` to ``half``."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64) * half
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return corners, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), None
+
+
+def frustum(bottom: float, top: float, height: float) -> _Shape:
+    """Create a closed frustum of a cone about z, with the center of its axis in the origin."""
+    slope = math.atan2(bottom - top, height)
+    half = height / 2
+    down, up = -math.pi / 2, math.pi / 2
+    lower = [(0.0, -half, down), (bottom, -half, down), (bottom, -half, slope)]
+    return _revolve([*lower, (top, half, slope), (top, half, up), (0.0, half, up)])
+
+
+def capsule(bottom: float, top: float, height: float) -> _Shape:
+    """Create the convex hull of two spheres with centers at ``-height / 2`` and ``height / 2`` on z."""
+    ratio = (bottom - top) / height if height > 0 else 0.0
+    if abs(ratio) >= 1 or (height == 0 and bottom != top):  # one sphere contains the other
+        largest = max(bottom, top)
+        center = height / 2 if top > bottom else -height / 2
+        vertices, faces, normals = capsule(largest, largest, 0.0)
+        return vertices + (0.0, 0.0, center), faces, normals
+    tangent = math.asin(ratio)
+    steps = _SLICES // 2
+    lower = np.linspace(-math.pi / 2, tangent, max(2, math.ceil(steps * (tangent + math.pi / 2) / math.pi)) + 1)
+    upper = np.linspace(tangent, math.pi / 2, max(2, math.ceil(steps * (math.pi / 2 - tangent) / math.pi)) + 1)
+    profile = [(bottom * math.cos(a), bottom * math.sin(a) - height / 2, a) for a in lower]
+    profile += [(top * math.cos(a), top * math.sin(a) + height / 2, a) for a in upper[int(height == 0) :]]
+    return _revolve(profile)
+
+
+def _revolve(profile: list[tuple[float, float, float]]) -> _Shape:
+    """Revolve a profile about z: radii, heights, and elevations of the normals, from bottom to top."""
+    radius, height, elevation = np.array(profile, dtype=np.float64).T
+    angles = 2 * np.pi * np.arange(_SLICES) / _SLICES
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    rings, normals = np.empty((len(radius), _SLICES, 3)), np.empty((len(radius), _SLICES, 3))
+    rings[..., :2], rings[..., 2] = _GROWTH * radius[:, None, None] * circle, height[:, None]
+    normals[..., :2], normals[..., 2] = np.cos(elevation)[:, None, None] * circle, np.sin(elevation)[:, None]
+    index = np.arange(len(radius) * _SLICES).reshape(-1, _SLICES)
+    after = np.roll(index, -1, axis=1)
+    faces = []
+    for row in range(len(radius) - 1):
+        if (radius[row], height[row]) == (radius[row + 1], height[row + 1]):
+            continue  # an edge, where the normal changes
+        if radius[row] > 0:
+            faces.append(np.stack([index[row], after[row], after[row + 1]], axis=1))
+        if radius[row + 1] > 0:
+            faces.append(np.stack([index[row], after[row + 1], index[row + 1]], axis=1))
+    triangles = np.concatenate(faces) if faces else np.zeros((0, 3), dtype=np.int64)
+    vertices, merged = np.unique(rings.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, merged.reshape(-1)[triangles], normals.reshape(-1, 3)[triangles]
