@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A dataset that a job writes: starting, resuming and finishing it, and the records of its complete parts.
 
-There is a record for each shard, for the index, and for the files that some formats write before any shard. Each record
-is written after the files that it lists.
+`JobFolder` is common to all jobs, `Dataset` is that of rendered frames. There is a record for each shard, for the
+index, and for the files that some formats write before any shard. Each record is written after the files that it lists.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -38,12 +38,23 @@ BEGIN_RECORD = "begin.json"
 RECORDS_FOLDER = "shards"
 
 
+class ShardPlan(Protocol):
+    """Number and lengths of the shards of a job."""
+
+    @property
+    def shard_count(self) -> int:
+        """Number of shards."""
+
+    def shard_length(self, shard: int) -> int | None:
+        """Return the number of frames of a shard; None if only its record has it."""
+
+
 @dataclass(frozen=True)
 class Record:
     """The record of a complete shard or of the index."""
 
     frames: int
-    """Frames of the shard; of the whole dataset for the index."""
+    """Frames or situations of the shard; of the whole dataset for the index."""
     files: dict[str, FileSum]
     """Its files, by their paths in the dataset."""
     warnings: dict[str, int]
@@ -105,10 +116,10 @@ def _is_inside(name: str) -> bool:
     return "\\" not in name and "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
 
 
-def read_whole(store: Store, name: str, frames: int) -> Record | None:
-    """Read a record; return None unless it covers `frames` frames and its files exist with the recorded sizes."""
+def read_whole(store: Store, name: str, frames: int | None) -> Record | None:
+    """Read a record; return None unless it covers `frames` frames, if given, and its files have the recorded sizes."""
     record = read_record(store, name)
-    if record is None or record.frames != frames:
+    if record is None or frames not in (None, record.frames):
         return None
     return record if all(store.size(file) == item.bytes for file, item in record.files.items()) else None
 
@@ -126,13 +137,13 @@ def read_frame_arrays(store: Store) -> dict[str, Any]:
         return {name: arrays[name] for name in FRAME_ARRAYS if name in arrays}
 
 
-class Dataset:
-    """The folder of a job: its manifest, its poses, the records of its shards, and its index."""
+class JobFolder:
+    """The folder of a job: its manifest, and the records of its shards."""
 
-    def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Manifest) -> None:
+    def __init__(self, out: str | os.PathLike[str], plan: ShardPlan, manifest: Manifest) -> None:
         """Open the store at `out`; nothing is written yet."""
         self._store: Store = open_store(out)
-        self._plan, self._layout, self._manifest = plan, layout, manifest
+        self._shards, self._manifest = plan, manifest
         self._complete = 0
         self.name = self._store.name
         self.bytes = 0
@@ -163,7 +174,7 @@ class Dataset:
                 self._store.clean()
                 self._begin(known=known)
                 try:
-                    yield self._missing() if known else list(range(self._plan.shard_count))
+                    yield self._missing() if known else list(range(self._shards.shard_count))
                 finally:
                     self._store.clean()
         except OSError as error:
@@ -181,15 +192,8 @@ class Dataset:
         for message, count in record.warnings.items():
             self.warnings[message] = self.warnings.get(message, 0) + count
 
-    def finish(self, scene: Scene) -> None:
-        """Write the index, if it is missing, which completes the dataset."""
-        if read_whole(self._store, INDEX_RECORD, len(self._plan.frames)) is None:
-            with self._store.new_files() as files:
-                units = self._layout.index(files) + self._layout.write_models(files, scene)
-                commit(self._store, INDEX_RECORD, len(self._plan.frames), files, units)
-
     def _state(self) -> str:
-        count = self._plan.shard_count
+        count = self._shards.shard_count
         shards = f"{pluralize(count, 'shard')} {'is' if count == 1 else 'are'}"
         return f"{self._complete} of {shards} complete. Use resume=True to continue"
 
@@ -210,24 +214,51 @@ class Dataset:
         return True
 
     def _begin(self, *, known: bool) -> None:
-        """Write the manifest, if it is missing, and the poses."""
+        """Write the manifest, if it is missing, and the other input."""
         with self._store.new_files() as files:
             files.write_text(MANIFEST, manifest_text(self._manifest))
-            files.write(POSES, *npz_parts(frame_arrays(self._plan.frames)))
-            self._store.put(files, [POSES] if known else [MANIFEST, POSES])
+            units = self._write_input(files)
+            self._store.put(files, units if known else [MANIFEST, *units])
+
+    def _write_input(self, files: ShardFiles) -> list[str]:
+        """Write input of the job that is not in the manifest, and return its units."""
+        return []
+
+    def _missing(self) -> list[int]:
+        """Return the shards that are not complete, and add the others to the counts."""
+        missing = []
+        for shard in range(self._shards.shard_count):
+            record = read_whole(self._store, shard_record(shard), self._shards.shard_length(shard))
+            if record is None:
+                missing.append(shard)
+            else:
+                self.add(shard, record)
+        return missing
+
+
+class Dataset(JobFolder):
+    """The folder of a job that renders frames: also its poses and its index."""
+
+    def __init__(self, out: str | os.PathLike[str], plan: Plan, layout: Format, manifest: Manifest) -> None:
+        """Open the store at `out`; nothing is written yet."""
+        super().__init__(out, plan, manifest)
+        self._plan, self._layout = plan, layout
+
+    def finish(self, scene: Scene) -> None:
+        """Write the index, if it is missing, which completes the dataset."""
+        if read_whole(self._store, INDEX_RECORD, len(self._plan.frames)) is None:
+            with self._store.new_files() as files:
+                units = self._layout.index(files) + self._layout.write_models(files, scene)
+                commit(self._store, INDEX_RECORD, len(self._plan.frames), files, units)
+
+    def _begin(self, *, known: bool) -> None:
+        super()._begin(known=known)
         if read_whole(self._store, BEGIN_RECORD, len(self._plan.frames)) is None:
             with self._store.new_files() as files:
                 units = self._layout.begin(files)
                 if units:
                     commit(self._store, BEGIN_RECORD, len(self._plan.frames), files, units)
 
-    def _missing(self) -> list[int]:
-        """Return the shards that are not complete, and add the others to the counts."""
-        missing = []
-        for shard in range(self._plan.shard_count):
-            record = read_whole(self._store, shard_record(shard), self._plan.shard_length(shard))
-            if record is None:
-                missing.append(shard)
-            else:
-                self.add(shard, record)
-        return missing
+    def _write_input(self, files: ShardFiles) -> list[str]:
+        files.write(POSES, *npz_parts(frame_arrays(self._plan.frames)))
+        return [POSES]

@@ -28,8 +28,9 @@ from warpvis.batch._frame_renderer import (
 )
 from warpvis.batch._job import Options, Plan
 from warpvis.batch._manifest import make_manifest, same_meshes
+from warpvis.batch._shard_job import Run
 from warpvis.batch._verify import verify
-from warpvis.batch._writer import Job, Run
+from warpvis.batch._writer import Job
 from warpvis.batch.engines._local import parse_devices, run_local
 from warpvis.batch.formats._base import Format, find_format
 from warpvis.cameras import ImageCamera, require_image_camera

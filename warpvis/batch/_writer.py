@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from queue import SimpleQueue
@@ -15,6 +15,7 @@ from warpvis.batch._dataset import Record
 from warpvis.batch._encoding import Encoder, EncodingProcesses, Target, can_start, process_count, shards_at_once
 from warpvis.batch._frame_renderer import FrameRenderer, ImageBuffers, frames_batch
 from warpvis.batch._job import Plan
+from warpvis.batch._shard_job import Done
 from warpvis.batch.formats._base import Format, Images
 from warpvis.batch.storage._stores import is_local
 from warpvis.core.threads import check_threads
@@ -32,9 +33,6 @@ _SETS_TO_COPY = 3
 _MIN_SHARDS = 16
 """With fewer shards, all of them are written before encoding processes have started."""
 
-Done = Callable[[int, Record], None]
-"""Callback that receives the number and the record of each complete shard."""
-
 
 @dataclass(frozen=True, eq=False)
 class Job:
@@ -47,9 +45,9 @@ class Job:
     caster: CasterName = "auto"
     colors: ColorOptions = field(default_factory=check_colors)
 
-
-Run = Callable[[Job, Sequence[int], Done], None]
-"""An engine: renders and writes shards of a job."""
+    def start_worker(self, *, device: DeviceLike, threads: int | None) -> ShardWriter:
+        """Start the renderer and the threads of a process."""
+        return ShardWriter(self, device=device, threads=threads)
 
 
 def writer_count(threads: int) -> int:

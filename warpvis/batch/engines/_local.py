@@ -16,7 +16,8 @@ from threading import Event
 import warp as wp
 
 from warpvis.batch._encoding import WorkerLostError
-from warpvis.batch._writer import Done, Job, ShardWriter, writer_count
+from warpvis.batch._shard_job import Done, ShardJob
+from warpvis.batch._writer import writer_count
 from warpvis.core.arrays import get_device
 from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike
@@ -26,13 +27,13 @@ _POLL_INTERVAL = 0.2
 """Interval at which a process that waits for work checks for errors [s]."""
 
 
-def run_local(job: Job, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
+def run_local(job: ShardJob, shards: Iterable[int], done: Done, *, devices: Sequence[str], threads: int | None) -> None:
     """Render and write shards on devices of this machine; several devices get a process each, which share `threads`.
 
     `done` is called with every complete shard, by one thread at a time.
     """
     if len(devices) == 1:
-        with ShardWriter(job, device=devices[0], threads=threads) as writer:
+        with job.start_worker(device=devices[0], threads=threads) as writer:
             writer.run(shards, done)
     else:
         _run_processes(job, shards, done, devices, max(1, check_threads(threads) // len(devices)))
@@ -53,7 +54,7 @@ def parse_devices(device: DeviceLike) -> list[str]:
     return [str(found) for found in devices]
 
 
-def _run_processes(job: Job, shards: Iterable[int], done: Done, devices: Sequence[str], threads: int) -> None:
+def _run_processes(job: ShardJob, shards: Iterable[int], done: Done, devices: Sequence[str], threads: int) -> None:
     """Run a process for each device; each receives a new shard when it finishes one, which balances the load."""
     context = multiprocessing.get_context("spawn")  # CUDA does not survive a fork
     workers: dict[Connection, SpawnProcess] = {}
@@ -116,7 +117,7 @@ def _describe_loss(workers: dict[Connection, SpawnProcess]) -> str:
     return "a process ended"
 
 
-def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
+def _work(connection: Connection, job: ShardJob, device: str, threads: int) -> None:
     """Run as a worker process, which receives shards through the connection and sends their records back."""
     import signal
 
@@ -127,7 +128,7 @@ def _work(connection: Connection, job: Job, device: str, threads: int) -> None:
     signal.signal(signal.SIGTERM, lambda *_: ending.set())
     wp.config.log_level = wp.LOG_WARNING
     try:
-        with ShardWriter(job, device=device, threads=threads) as writer:
+        with job.start_worker(device=device, threads=threads) as writer:
             writer.run(
                 _incoming(connection, writer.failed, ending), lambda shard, record: connection.send((shard, record))
             )

@@ -24,7 +24,7 @@ import warp as wp
 
 from warpvis.batch._dataset import read_whole, shard_record
 from warpvis.batch._encoding import WorkerLostError
-from warpvis.batch._writer import Done, Job, Run, ShardWriter
+from warpvis.batch._shard_job import Done, Run, ShardJob, Worker
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.errors import ArrayError, FileFormatError, WarpvisError
 
@@ -75,17 +75,17 @@ class Starts:
 class ShardActor:
     """A worker, which builds the scene once, and then renders and writes the shards that it receives."""
 
-    def __init__(self, job: Job | ray.ObjectRef[Job], device: str, threads: int, starts: ActorHandle) -> None:
+    def __init__(self, job: ShardJob | ray.ObjectRef[ShardJob], device: str, threads: int, starts: ActorHandle) -> None:
         """Prepare to render on ``"cpu"``, or ``"cuda"`` for the GPU that Ray assigned to this worker."""
         import ray
 
-        self._writer: ShardWriter | None = None
+        self._writer: Worker | None = None
         if not ray.get(starts.more.remote()):
             return
         wp.config.log_level = wp.LOG_WARNING
-        self._job: Job = ray.get(job) if isinstance(job, ray.ObjectRef) else job
+        self._job: ShardJob = ray.get(job) if isinstance(job, ray.ObjectRef) else job
         self._store: Store = open_store(self._job.out)
-        self._writer = ShardWriter(self._job, device=device, threads=threads)
+        self._writer = self._job.start_worker(device=device, threads=threads)
 
     def __call__(self, batch: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Complete the shards of a batch, ``{"shard": numbers}``, and return it with an error or None for each.
@@ -116,7 +116,7 @@ def ray_engine(*, gpu: bool, workers: int | None, address: str | None) -> Iterat
         yield partial(_run, ray, _share(ray.cluster_resources(), gpu=gpu, workers=workers))
 
 
-def _run(ray: ModuleType, share: tuple[int, int, int], job: Job, shards: Sequence[int], done: Done) -> None:
+def _run(ray: ModuleType, share: tuple[int, int, int], job: ShardJob, shards: Sequence[int], done: Done) -> None:
     """Render and write shards."""
     if not shards:
         return
@@ -135,7 +135,9 @@ def _run(ray: ModuleType, share: tuple[int, int, int], job: Job, shards: Sequenc
         raise WorkerLostError(f"Ray gave up ({type(error).__name__}: {reason})") from None
 
 
-def _results(ray: ModuleType, job: Job, shards: Sequence[int], share: tuple[int, int, int]) -> Iterator[dict[str, Any]]:
+def _results(
+    ray: ModuleType, job: ShardJob, shards: Sequence[int], share: tuple[int, int, int]
+) -> Iterator[dict[str, Any]]:
     """Pass shards to actors, and yield the number and the error of each as they arrive."""
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
