@@ -8,8 +8,9 @@ _USD = ("warpvis.io.usd:read_usd", "a USD stage")
 
 SCENE_READERS = {
     ".wbt": ("warpvis.webots:read_world", "a Webots world"),
-    ".xml": ("warpvis.mujoco:read_model", "a model"),
-    ".urdf": ("warpvis.mujoco:read_model", "a model"),
+    ".xml": ("warpvis.io._models:read_model_file", "a model"),
+    ".urdf": ("warpvis.io._models:read_model_file", "a model"),
+    ".xacro": ("warpvis.io.urdf:read_urdf", "a model"),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
     ".json": ("warpvis.io.datasets._habitat:read_habitat", "a scene of a Habitat dataset"),
 }

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Read model files, MJCF and URDF, as the parts of a scene."""
+"""Read MJCF files as the parts of a scene."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -15,41 +15,33 @@ import mujoco  # noqa: TID253 - the whole package is about it
 
 from warpvis.core.checks import as_items, as_path, check_flag, describe_exception
 from warpvis.core.file_content import is_file, require_content
-from warpvis.core.labels import Label
 from warpvis.errors import FileFormatError
 from warpvis.mujoco._geoms import DEFAULT_GROUPS, default_label, geom_parts, movable_bodies, shown_geoms
 from warpvis.mujoco._lights import model_background, model_lights
 from warpvis.mujoco._model_fields import object_names
-from warpvis.mujoco._urdf import CompiledRobot, compile_urdf
 from warpvis.scene import FileParts, Part
-from warpvis.scene.appearances import LazyAppearance
-from warpvis.scene.materials import Appearance
 
 _INCLUDES = ("include", "model")
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
-_XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
 def read_model(
     path: str | os.PathLike[str], *, search_path: Sequence[str | os.PathLike[str]] = (), strict: bool = False
 ) -> FileParts:
-    """Read the geoms of a model file, MJCF or URDF, at the model's initial state.
+    """Read the geoms of an MJCF file at the model's initial state. `Scene.load` reads URDF without MuJoCo.
 
-    From MJCF, geoms of groups 0 to 2 are shown, as in MuJoCo's viewer. From URDF, the visual elements are shown, or the
-    collision elements if the file has no visual ones; their meshes are read as `Scene.load` reads mesh files, in the
-    mesh file's frame and unit. Names and labels are those of `scene_from_mujoco`, except that objects of a URDF file
-    are `Label.ROBOT` unless they are ground. Patterns may also match a geom by its body's name. Parts of bodies that
-    are not welded to the world are movable; those of one body move together.
+    Geoms of groups 0 to 2 are shown, as in MuJoCo's viewer. Names and labels are those of `scene_from_mujoco`. Patterns
+    may also match a geom by its body's name. Parts of bodies that are not welded to the world are movable; those of one
+    body move together.
 
     Args:
-        path: The file. Its root element determines the format: ``<mujoco>`` or ``<robot>``.
+        path: The file, whose root element is ``<mujoco>``.
         search_path: Folders to search for files that are not where the model refers to them: includes, meshes, height
-            fields and textures of MJCF; packages (``package://NAME/...``) and meshes of URDF. Packages are also
-            searched in the folders above the file.
-        strict: Whether content that cannot be shown is an error: meshes of URDF without a file; flexes and skins.
+            fields and textures.
+        strict: Whether content that cannot be shown is an error: flexes and skins.
 
     Raises:
-        FileFormatError: If the file is neither, MuJoCo cannot compile it, or something cannot be shown and `strict` is
+        FileFormatError: If the file is not MJCF, MuJoCo cannot compile it, or something cannot be shown and `strict` is
             set.
     """
     path, strict = as_path(path), check_flag(strict, "strict", FileFormatError)
@@ -58,49 +50,28 @@ def read_model(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # MuJoCo's warnings concern dynamics
-            model, groups, appearances, skipped, warned = _compile(path, root, folders, strict=strict)
+            model = _compile(path, root, folders)
     except ValueError as error:
         if isinstance(error, FileFormatError):
             raise
         _require_assets(path, root, folders)
         raise FileFormatError(f"{path}: MuJoCo cannot compile it: {describe_exception(error)}") from None
     soft = [f"{count} {noun}" for count, noun in ((model.nflex, "flexes"), (model.nskin, "skins")) if count]
-    skipped += [f"{' and '.join(soft)}, which have no fixed shape"] if soft else []
-    message = f"{path}: skipped {'; '.join(skipped)}" if skipped else ""
+    message = f"{path}: skipped {' and '.join(soft)}, which have no fixed shape" if soft else ""
     if strict and message:
         raise FileFormatError(message)
-    parts = _parts(model, groups, appearances, robot=root.tag == "robot")
-    sentences = (message, *warned) if message else tuple(warned)
-    lights, background = model_lights(model), model_background(model)
-    return FileParts(path, parts, up="z", defines_frame=True, warnings=sentences, lights=lights, background=background)
+    lights, background, sentences = model_lights(model), model_background(model), (message,) if message else ()
+    options = {"warnings": sentences, "lights": lights, "background": background}
+    return FileParts(path, _parts(model), up="z", defines_frame=True, **options)
 
 
-def _parts(
-    model: mujoco.MjModel, groups: Sequence[int], appearances: Mapping[int, LazyAppearance], *, robot: bool
-) -> list[Part]:
+def _parts(model: mujoco.MjModel) -> list[Part]:
     names = object_names(model)
     labels = [default_label(model, geom, name) for geom, name in enumerate(names)]
-    if robot:
-        labels = [Label.ROBOT if label == Label.OBSTACLE else label for label in labels]
     moves = movable_bodies(model)[model.geom_bodyid]
-    parts = geom_parts(model, shown_geoms(model, groups), names, labels)
+    parts = geom_parts(model, shown_geoms(model, DEFAULT_GROUPS), names, labels)
     # Static round shapes are triangles here; the scene of a MujocoScene makes them movable so that they are exact.
-    parts = [(geom, replace(part, movable=bool(moves[geom]))) for geom, part in parts]
-    return [
-        replace(part, appearance=_lit_appearance(appearances[geom], part)) if geom in appearances else part
-        for geom, part in parts
-    ]
-
-
-def _lit_appearance(appearance: LazyAppearance, part: Part) -> LazyAppearance:
-    """Return an appearance of a part's mesh with the part's normals."""
-
-    def make() -> Appearance | None:
-        found, lit = appearance.get(), part.appearance
-        lit = lit.get() if isinstance(lit, LazyAppearance) else lit
-        return None if found is None or lit is None else replace(found, normals=lit.normals)
-
-    return LazyAppearance(make)
+    return [replace(part, movable=bool(moves[geom])) for geom, part in parts]
 
 
 def _parse(path: Path) -> ElementTree.Element:
@@ -113,28 +84,25 @@ def _parse(path: Path) -> ElementTree.Element:
 
 
 def _parse_model(path: Path) -> ElementTree.Element:
-    """Parse the root of an XML file that is MJCF or URDF."""
+    """Parse the root of an MJCF file."""
     root = _parse(path)
-    if any(str(element.tag).startswith(_XACRO) for element in root.iter()):
-        raise FileFormatError(f"{path}: is a xacro file; convert it to URDF first: xacro in.xacro > out.urdf")
     if root.tag == "mujocoinclude":
         raise FileFormatError(f"{path}: is a part that MJCF files include; load the file that includes it")
-    if root.tag not in ("mujoco", "robot"):
+    if root.tag == "robot":
+        raise FileFormatError(f"{path}: is URDF; read it with warpvis.Scene.load, which needs no MuJoCo")
+    if root.tag != "mujoco":
         raise FileFormatError(
             f"{path}: must be MJCF, which begins with <mujoco>, or URDF, with <robot>, got XML of <{root.tag}>"
         )
     return root
 
 
-def _compile(path: Path, root: ElementTree.Element, search_path: Sequence[Path], *, strict: bool) -> CompiledRobot:
+def _compile(path: Path, root: ElementTree.Element, search_path: Sequence[Path]) -> mujoco.MjModel:
     """Compile the model."""
-    if root.tag == "robot":
-        return compile_urdf(path, root, search_path, strict=strict)
     include: dict[str, bytes] = {}
     found = _assets(path, root, search_path, include) if search_path else ()
     assets = {name: place.read_bytes() for _, name, place in found if place is not None}
-    model = mujoco.MjSpec.from_file(str(path), include=include or None, assets=assets or None).compile()
-    return CompiledRobot(model, DEFAULT_GROUPS, {}, [], [])
+    return mujoco.MjSpec.from_file(str(path), include=include or None, assets=assets or None).compile()
 
 
 def _assets(

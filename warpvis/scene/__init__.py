@@ -18,6 +18,7 @@ from warpvis.scene._parts import (
     Axis as Axis,
     FileParts as FileParts,
     Part as Part,
+    in_file_frame as in_file_frame,
     move_with_links as move_with_links,
 )
 from warpvis.scene._scene import Scene as Scene, require_scene as require_scene

@@ -192,7 +192,13 @@ def _with_movable(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
 
 def _with_uniform_pose(part: Part, uniform: bool) -> Part:
     """Return the part; without a pose, in the frame of the file, if its scale is not uniform or it has no frame."""
-    if part.pose is None or isinstance(part.mesh, Solid) or (uniform and (part.has_frame or not part.movable)):
+    keeps_pose = uniform and (part.has_frame or not part.movable)
+    return part if keeps_pose else in_file_frame(part)
+
+
+def in_file_frame(part: Part) -> Part:
+    """Return a part with its vertices in the frame of the file, without a pose, unless it is a solid."""
+    if part.pose is None or isinstance(part.mesh, Solid):
         return part
     vertices, faces = part.mesh
     appearance = _transformed(part.appearance, poses_to_matrices(part.pose)[:3, :3])
