@@ -31,5 +31,9 @@ class MessageError(WarpvisError):
     """A ROS message does not match its definition, or the ROS message classes are not available."""
 
 
+class ShortcutError(WarpvisError):
+    """Questions of a dataset can be answered without looking at who sees what."""
+
+
 class IntrinsicsWarning(UserWarning):
     """Intrinsics define a valid camera, but are probably a mistake."""

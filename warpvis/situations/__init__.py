@@ -4,6 +4,17 @@
 
 from __future__ import annotations
 
+from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
 
-__all__ = ["Moment", "Participant", "Question", "Sight", "Situation", "Thing"]
+__all__ = [
+    "Moment",
+    "Participant",
+    "Question",
+    "Shortcut",
+    "ShortcutReport",
+    "Sight",
+    "Situation",
+    "Thing",
+    "find_shortcuts",
+]
