@@ -14,6 +14,7 @@ import warpvis as wv
 from warpvis.scenes import EXPERIMENTS
 
 from support.habitat import make_dataset
+from support.scans import write_scannet
 
 ROOT = Path(__file__).parent.parent
 
@@ -79,6 +80,11 @@ def _habitat(folder):
     scene = {"stage_instance": {"template_name": "room"}, "object_instances": [*items, {"template_name": "table"}]}
     more = {"semantics__lexicon.json": lexicon}
     make_dataset(folder / "hssd-hab", scene, objects={"cup": {"semantic_id": 7}}, **more)
+    return {}
+
+
+def _scans(folder):
+    write_scannet(folder / "scene0000_00")
     return {}
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _END = b"\rend_header\r"
-_TYPES = {
+PLY_TYPES = {
     **{name: code for names, code in (("char int8", "i1"), ("uchar uint8", "u1")) for name in names.split()},
     **{name: code for names, code in (("short int16", "i2"), ("ushort uint16", "u2")) for name in names.split()},
     **{name: code for names, code in (("int int32", "i4"), ("uint uint32", "u4")) for name in names.split()},
@@ -43,7 +43,7 @@ def _with_triangles(file: bytes) -> bytes:
     if [element[0] for element in elements[:2]] != ["vertex", "face"]:
         return file
     (_, vertices, scalars), (_, count, properties) = elements[:2]
-    place = start + vertices * sum(np.dtype(_TYPES[code]).itemsize for _, code, _ in scalars)
+    place = start + vertices * sum(np.dtype(PLY_TYPES[code]).itemsize for _, code, _ in scalars)
     layout = [_Property(words, order) for words in properties]
     if _are_alike(file, place, count, layout):
         return file
@@ -63,7 +63,7 @@ class _Property:
 
     def __init__(self, words: list[str], order: str) -> None:
         self.is_list = words[1] == "list"
-        kinds = [np.dtype(order + _TYPES[word]) for word in words[1:-1] if word != "list"]
+        kinds = [np.dtype(order + PLY_TYPES[word]) for word in words[1:-1] if word != "list"]
         self.first, self.items = kinds[0], kinds[-1]
         self.is_corners = words[-1] in ("vertex_indices", "vertex_index")
 

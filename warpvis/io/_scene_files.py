@@ -56,6 +56,12 @@ def read_parts(
     if reader:
         module, _, function = reader.partition(":")
         return getattr(import_module(module), function)(path, search_path=search_folders, strict=strict)
+    if path.suffix.lower() in (".ply", ".glb"):
+        from warpvis.io.datasets._scans import find_scan
+
+        scan = find_scan(path, search_folders)
+        if scan is not None:
+            return scan()
     found = read_mesh_file(path, search_path=search_folders, strict=strict)
     return found if found.lights else replace(found, lights=(HEADLIGHT,))
 
