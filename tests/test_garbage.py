@@ -241,6 +241,7 @@ NAMES = (
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
     "Viewer view MujocoStage "
+    "Body Colors Person crouching looking_ pointing posed reaching sitting stature walking "
 ).split()
 
 

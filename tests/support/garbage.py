@@ -13,6 +13,7 @@ from arguments_data import data_cases
 from arguments_depth import depth_sensor_cases
 from arguments_lidars import lidar_cases
 from arguments_maps import map_cases
+from arguments_people import people_cases
 from arguments_planning import planning_cases
 from arguments_poses import pose_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
@@ -27,7 +28,7 @@ import warpvis as wv
 def cases(folder):
     """Return valid arguments of all public callables."""
     makers = [top_cases, camera_cases, map_cases, data_cases, lidar_cases, depth_sensor_cases]
-    makers += [planning_cases, pose_cases, viewer_cases, webots_cases]
+    makers += [people_cases, planning_cases, pose_cases, viewer_cases, webots_cases]
     tables = [make(folder) for make in makers]
     tables.append(visibility_cases())
     return {name: case for table in tables for name, case in table.items()}

@@ -6,15 +6,45 @@ from __future__ import annotations
 
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
+from warpvis.situations.people import (
+    JOINT_LIMITS,
+    Body,
+    Colors,
+    Person,
+    Posture,
+    crouching,
+    looking_at,
+    pointing,
+    posed,
+    reaching,
+    sitting,
+    standing,
+    stature,
+    walking,
+)
 
 __all__ = [
+    "JOINT_LIMITS",
+    "Body",
+    "Colors",
     "Moment",
     "Participant",
+    "Person",
+    "Posture",
     "Question",
     "Shortcut",
     "ShortcutReport",
     "Sight",
     "Situation",
     "Thing",
+    "crouching",
     "find_shortcuts",
+    "looking_at",
+    "pointing",
+    "posed",
+    "reaching",
+    "sitting",
+    "standing",
+    "stature",
+    "walking",
 ]

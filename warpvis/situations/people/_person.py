@@ -1,0 +1,254 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""People of a size, in a posture, at a place: objects of a scene, and agents."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warpvis.core.arrays import as_numpy
+from warpvis.core.checks import check_choice, check_number, degrees_hint
+from warpvis.core.labels import Label
+from warpvis.core.poses import check_up, poses_to_opencv
+from warpvis.errors import PoseError, SceneError, WarpvisError
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.materials import check_color
+from warpvis.situations.people._body import Body, Sex
+from warpvis.situations.people._goals import eye_point, eye_rotation
+from warpvis.situations.people._postures import Posture, solve, standing
+from warpvis.situations.people._skeleton import Frames
+from warpvis.situations.people._solids import make_pieces
+from warpvis.situations.people._state import State
+from warpvis.visibility import Agent
+
+Geometry = Literal["solids", "mesh"]
+"""A body as one round solid per segment, or as one skinned mesh."""
+
+# Axes of the OpenCV camera (right, down, forward) in the frame of the eyes (forward, left, up).
+_CAMERA_IN_EYES = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+
+# The floor's axes and the vertical one, (forward, left, up) at heading 0, in a world with y up: z, x and y.
+_Y_UP = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
+
+_MAX_COORDINATE = 1e6
+
+
+@dataclass(frozen=True)
+class Colors:
+    """Colors of a person: red, green and blue from 0 to 1, sRGB."""
+
+    skin: tuple[float, float, float] = (0.80, 0.62, 0.50)
+    hair: tuple[float, float, float] = (0.22, 0.15, 0.10)
+    shirt: tuple[float, float, float] = (0.25, 0.42, 0.65)
+    trousers: tuple[float, float, float] = (0.24, 0.25, 0.30)
+    shoes: tuple[float, float, float] = (0.15, 0.12, 0.11)
+
+    def __post_init__(self) -> None:
+        for name in ("skin", "hair", "shirt", "trousers", "shoes"):
+            object.__setattr__(self, name, check_color(getattr(self, name), f"{name} of a person", (3,))[:3])
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """A person of a size, in a posture, at a place; or the same person in W worlds.
+
+    Example:
+        >>> anna = Person(height=1.65, posture=sitting(seat_height=0.45), pose=(2, 0, math.pi))
+        >>> agent = anna.add_to(scene, "anna")
+    """
+
+    height: float = 1.69
+    """Stature, barefoot [m], from 1.2 to 2.3; see `stature` for that of a percentile."""
+    sex: Sex = "average"
+    """Whose proportions: ``"male"``, ``"female"``, or the mean of both."""
+    build: float = 1.0
+    """Factor of breadths, depths and girths, from 0.8 (slender) to 1.3 (stout)."""
+    posture: Posture = field(default_factory=standing)
+    """What the person does."""
+    pose: ArrayLike = (0.0, 0.0, 0.0)
+    """Place on the floor, ``x y heading`` [m, m, rad], shape ``(3,)``, or one for each world, ``(W, 3)``. The heading
+    is counterclockwise from x. In a world with y up, the floor's axes are z and x."""
+    floor: float = 0.0
+    """Height of the floor [m]."""
+    colors: Colors = Colors()
+    up: Literal["z", "y"] = "z"
+    """The world's vertical axis."""
+
+    def __post_init__(self) -> None:
+        _ = self.body  # raises if a size is invalid
+        if not isinstance(self.posture, Posture):
+            raise PoseError(
+                f"posture must be one of warpvis.situations, such as standing() or sitting(), got {self.posture!r}"
+            )
+        if not isinstance(self.colors, Colors):
+            raise SceneError(f"colors must be a Colors, got {self.colors!r}")
+        check_up(self.up)
+        check_number(self.floor, "floor", minimum=-_MAX_COORDINATE, maximum=_MAX_COORDINATE, error=PoseError)
+        object.__setattr__(self, "pose", _check_places(self.pose))
+        _ = self.worlds
+
+    @cached_property
+    def body(self) -> Body:
+        """Measurements of the person."""
+        return Body(self.height, self.sex, self.build)
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds that the person is placed in: the number of poses, or of values of the posture."""
+        poses, postures = len(np.atleast_2d(self.pose)), self.posture.worlds
+        if 1 not in (poses, postures) and poses != postures:
+            raise PoseError(f"pose and posture must be for the same number of worlds, got {poses} and {postures}")
+        return max(poses, postures)
+
+    def at(self, x: float, y: float, heading: float = 0.0) -> Person:
+        """Return the person at another place."""
+        return replace(self, pose=(x, y, heading))
+
+    def doing(self, posture: Posture) -> Person:
+        """Return the person in another posture."""
+        return replace(self, posture=posture)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the pieces of the body, in the order of `object_poses`."""
+        return tuple(piece.name for piece in make_pieces(self.body))
+
+    @property
+    def eye_poses(self) -> NDArray[np.float64]:
+        """Poses of a camera at the midpoint of the eyes that looks along the gaze, camera to world, ``(W, 7)``."""
+        state, frames = self._solved
+        rotations = eye_rotation(state, frames) @ _CAMERA_IN_EYES
+        return self._to_rows(rotations[:, None], eye_point(state, frames)[:, None])[:, 0]
+
+    @property
+    def eye_pose(self) -> NDArray[np.float64]:
+        """The first of `eye_poses`, shape ``(7,)``."""
+        return self.eye_poses[0]
+
+    def object_poses(self) -> NDArray[np.float64]:
+        """Return the poses of the solids in W worlds, object to world, shape ``(W, K, 7)``; see `names`."""
+        _, frames = self._solved
+        pieces = make_pieces(self.body)
+        rotations = np.stack([frames.rotations[piece.segment] @ piece.rotation for piece in pieces], axis=1)
+        centers = np.stack([frames.points(piece.segment, piece.center) for piece in pieces], axis=1)
+        return self._to_rows(rotations, centers)
+
+    def joint_positions(self) -> dict[str, NDArray[np.float64]]:
+        """Return the positions of the joints by segment, the proximal one of each, in the world [m], ``(W, 3)``."""
+        state, frames = self._solved
+        return {name: self._to_world(state, origin) for name, origin in frames.origins.items()}
+
+    def joint_angles(self) -> dict[str, NDArray[np.float64]]:
+        """Return the joint angles that are not 0 [rad], each of shape ``(W,)``."""
+        state, _ = self._solved
+        return {name: state.angle(name) for name in state.angles}
+
+    def hand_positions(self, hand: Literal["right", "left"] = "right") -> NDArray[np.float64]:
+        """Return the center of a hand's grip in the world [m], shape ``(W, 3)``."""
+        check_choice(hand, "hand", ("right", "left"), PoseError)
+        state, frames = self._solved
+        return self._to_world(state, frames.points(f"hand_{hand}", (0.0, 0.0, -self.body.grip)))
+
+    def add_to(self, scene: Scene, name: str, *, movable: bool = True) -> Agent:
+        """Add the body to a scene, as objects ``NAME/head``, ``NAME/upper_arm_left``, ..., and return the agent.
+
+        The objects are at the place of the first world.
+
+        Args:
+            scene: The scene.
+            name: Name of the person.
+            movable: Whether the poses of its objects may differ between worlds; see `object_poses`.
+
+        Returns:
+            The result of `agent`; its `body` are the names of the objects, in the order of `object_poses`.
+        """
+        require_scene(scene)
+        if scene.up != self.up:
+            raise SceneError(f'up of the person must be that of the scene, "{scene.up}", got "{self.up}"')
+        agent = self.agent(name)
+        poses = self.object_poses()[0]
+        for piece, full_name, pose in zip(make_pieces(self.body), agent.body, poses, strict=True):
+            scene.add(
+                piece.solid,
+                name=full_name,
+                label=Label.HUMAN,
+                category="person",
+                pose=pose,
+                movable=movable,
+                appearance=getattr(self.colors, piece.color),
+            )
+        return agent
+
+    def agent(self, name: str, **options: Any) -> Agent:
+        """Return the person as an agent: at the eyes, looking along the gaze, with the field of view of both eyes.
+
+        The field is that of `Agent.human`: 200 degrees wide, 60 up and 75 down, about the gaze. Head and hair are
+        invisible to the agent; it sees its own arms and legs, which may hide things from it.
+
+        Args:
+            name: Name of the person, as for `add_to`.
+            **options: Other arguments of `Agent.human`, such as `far` and `resolution`.
+        """
+        if not isinstance(name, str) or not name:
+            raise SceneError(f"name of a person must be a non-empty string, got {name!r}")
+        body = tuple(f"{name}/{piece}" for piece in self.names)
+        head = tuple(f"{name}/{piece.name}" for piece in make_pieces(self.body) if piece.segment in ("head", "neck"))
+        return Agent.human(name, self.eye_poses, body=body, **{"head": head, **options})
+
+    @cached_property
+    def _solved(self) -> tuple[State, Frames]:
+        places = np.broadcast_to(np.atleast_2d(np.asarray(self.pose, dtype=np.float64)), (self.worlds, 3))
+        posture = self.posture
+        if self.up == "y":
+            posture = posture.rotated(_Y_UP.T)
+        state = solve(posture, self.body, places, self.floor)
+        return state, state.frames()
+
+    def _to_world(self, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Convert points of the body's frame to the world, shapes ``(W, 3)``."""
+        placed = np.einsum("wij,wj->wi", state.heading, points) + state.origin
+        return placed if self.up == "z" else placed @ _Y_UP.T
+
+    def _to_rows(self, rotations: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return rows ``x y z qx qy qz qw`` of frames of the body in the world, shape ``(W, K, 7)``."""
+        state, _ = self._solved
+        matrices = np.zeros((*rotations.shape[:2], 4, 4))
+        matrices[..., :3, :3] = state.heading[:, None] @ rotations
+        matrices[..., :3, 3] = np.einsum("wij,wkj->wki", state.heading, points) + state.origin[:, None]
+        matrices[..., 3, 3] = 1
+        if self.up == "y":
+            matrices[..., :3, :] = _Y_UP @ matrices[..., :3, :]
+        return poses_to_opencv(matrices.reshape(-1, 4, 4)).reshape(*rotations.shape[:2], 7)
+
+
+def _check_places(pose: ArrayLike) -> NDArray[np.float64]:
+    """Check places ``x y heading``, one or one per world."""
+    try:
+        rows = as_numpy(pose, name="pose").astype(np.float64)
+    except (WarpvisError, TypeError, ValueError):
+        rows = np.zeros(0)
+    if rows.ndim not in (1, 2) or rows.shape[-1] != 3 or not rows.size or not np.isfinite(rows).all():
+        hint = "; a person has no other rotation" if rows.shape[-1:] == (7,) else ""
+        raise PoseError(f"pose of a person must be finite x, y and heading, shape (3,) or (W, 3), got {pose!r}{hint}")
+    if np.abs(rows[..., :2]).max() > _MAX_COORDINATE:
+        raise PoseError(f"pose of a person must be within {_MAX_COORDINATE:g} m of the origin, got {pose!r}")
+    turned = rows[..., 2][np.abs(rows[..., 2]) > 4 * math.pi]
+    if len(np.atleast_1d(turned)):
+        worst = float(np.atleast_1d(turned)[0])
+        raise PoseError(f"heading of a person must be in radians, got {worst:g}{degrees_hint(worst)}")
+    return rows
+
+
+def require_people(people: Sequence[Person]) -> list[Person]:
+    """Check a list of people, and return it."""
+    found = list(people) if isinstance(people, Sequence) else []
+    if not found or not all(isinstance(one, Person) for one in found):
+        raise SceneError(f"people must be a list of at least one Person, got {people!r}")
+    return found
