@@ -55,8 +55,8 @@ class Contents(NamedTuple):
     frames: int
     shard_frames: int
     """Frames of each shard except the last."""
-    poses_sha256: str
-    """Hash of its poses, from `frames_hash`."""
+    poses_sha256: str | None
+    """Hash of its poses, from `frames_hash`; None for situations."""
 
     @property
     def shard_count(self) -> int:
@@ -234,7 +234,22 @@ def read_manifest(store: Store) -> tuple[Manifest, Contents]:
             "poses": {"sha256": str(poses_sha256)},
         } if frames > 0 and shard_frames > 0:
             return manifest, Contents(format, frames, shard_frames, poses_sha256)
+        case {"contents": "situations"}:
+            raise FileFormatError(f"{store.name}: contains situations, not frames: open it with open_situations")
     raise FileFormatError(f"{store.name}: is not a dataset: its {MANIFEST} does not define the contents")
+
+
+def read_situation_contents(store: Store) -> Contents | None:
+    """Read the layout of a dataset of situations; None if the manifest is not one of situations."""
+    match parse_manifest(store.read(MANIFEST)):
+        case {
+            "contents": "situations",
+            "format": str(format),
+            "situations": int(situations),
+            "shard_situations": int(shard_situations),
+        } if situations > 0 and shard_situations > 0:
+            return Contents(format, situations, shard_situations, None)
+    return None
 
 
 def _no_dataset(store: Store) -> FileFormatError:

@@ -172,7 +172,7 @@ def render_batch(
         raise ArrayError(
             "repair=True requires resume=True, because it renders damaged parts of an existing dataset again"
         )
-    _check_engine(engine, threads, workers, address)
+    check_engine(engine, threads, workers, address)
     check_choice(caster, "caster", get_args(CasterName))
     check_colors(**colors)
     if source is not None and not isinstance(source, str):
@@ -205,7 +205,7 @@ def render_batch(
     # Other processes receive the scene on the CPU, and move it to their devices.
     scene = scene.to("cpu") if len(devices) > 1 or engine == "ray" else make_scene(scene, devices[0])
     job = Job(plan, scene, format, os.fspath(out), **choices)
-    with _start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
+    with start_engine(engine, devices, threads, workers, address) as run, dataset.opened(resume=resume) as missing:
         start = time.perf_counter()
         with _Progress(plan, dataset, missing, scene, quiet=quiet) as done:
             run(job, missing, done)
@@ -221,7 +221,7 @@ def render_batch(
     )
 
 
-def _check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
+def check_engine(engine: str, threads: int | None, workers: int | None, address: str | None) -> None:
     check_choice(engine, "engine", ("local", "ray"))
     check_threads(threads)
     if engine == "local" and (workers is not None or address is not None):
@@ -232,7 +232,7 @@ def _check_engine(engine: str, threads: int | None, workers: int | None, address
         raise ArrayError('threads must be None with engine="ray": each Ray worker uses its share of the cores')
 
 
-def _start_engine(
+def start_engine(
     engine: Engine, devices: Sequence[str], threads: int | None, workers: int | None, address: str | None
 ) -> AbstractContextManager[Run]:
     """Return the engine as a context manager, which shuts down a Ray cluster that was started for it."""

@@ -22,7 +22,14 @@ from warpvis.batch._dataset import (
     shard_record,
 )
 from warpvis.batch._job import FRAME_ARRAYS, shard_name
-from warpvis.batch._manifest import MANIFEST, Contents, frames_hash, read_label_names, read_manifest
+from warpvis.batch._manifest import (
+    MANIFEST,
+    Contents,
+    frames_hash,
+    read_label_names,
+    read_manifest,
+    read_situation_contents,
+)
 from warpvis.batch.storage._stores import Store, open_store
 from warpvis.core.checks import check_flag, pluralize
 from warpvis.core.threads import core_count
@@ -91,18 +98,24 @@ def verify(out: str | os.PathLike[str], *, repair: bool = False) -> VerifyReport
 
 
 def _read_layout(store: Store) -> Contents:
-    manifest, contents = read_manifest(store)
-    read_label_names(store.name, manifest)
+    contents = read_situation_contents(store)
+    if contents is None:
+        manifest, contents = read_manifest(store)
+        read_label_names(store.name, manifest)
     return contents
 
 
 def _verify(store: Store) -> VerifyReport:
     contents = _read_layout(store)
     frames, shard_frames, shards = contents.frames, contents.shard_frames, contents.shard_count
-    problems = list(_check_poses(store, contents.poses_sha256, frames))
-    recorded = _recorded_shards(store, shards)
-    expected = {shard_record(k): min(shard_frames, frames - k * shard_frames) for k in recorded}
-    other_records = {INDEX_RECORD: frames} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: frames})
+    sha256 = contents.poses_sha256
+    problems = [] if sha256 is None else list(_check_poses(store, sha256, frames))
+    recorded = recorded_shards(store, shards)
+    expected: dict[str, int | None] = {
+        shard_record(k): None if sha256 is None else min(shard_frames, frames - k * shard_frames) for k in recorded
+    }
+    whole = None if sha256 is None else frames
+    other_records = {INDEX_RECORD: whole} | ({} if store.size(BEGIN_RECORD) is None else {BEGIN_RECORD: whole})
     with ThreadPoolExecutor(core_count()) as pool:
         checked = list(pool.map(lambda item: _check(store, item), [*expected.items(), *other_records.items()]))
     present = [shard for shard, item in zip(recorded, checked, strict=False) if not item.missing]
@@ -111,9 +124,8 @@ def _verify(store: Store) -> VerifyReport:
         problems.append(f"{shards - len(present)} of {missing}: {_gaps(present, shards)}")
     problems += [problem for item in checked for problem in item.problems]
     files = {name for item in checked for name in item.files}
-    problems += [
-        f"{name}: is not part of any record" for name in sorted(set(store.files()) - files - {MANIFEST, POSES})
-    ]
+    described = {MANIFEST} if sha256 is None else {MANIFEST, POSES}
+    problems += [f"{name}: is not part of any record" for name in sorted(set(store.files()) - files - described)]
     complete = sum(not item.problems and not item.missing for item in checked[: len(recorded)])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
@@ -121,7 +133,7 @@ def _verify(store: Store) -> VerifyReport:
     return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged)
 
 
-def _recorded_shards(store: Store, shards: int) -> list[int]:
+def recorded_shards(store: Store, shards: int) -> list[int]:
     """Return the numbers of the recorded shards, in order.
 
     The records are listed, because the number of shards in a manifest is arbitrary and may be huge.
@@ -157,8 +169,8 @@ class _Checked(NamedTuple):
     """Whether a shard has no record; missing shards are reported together in one problem."""
 
 
-def _check(store: Store, item: tuple[str, int]) -> _Checked:
-    """Compare a record with its files; `item` is its name and its expected number of frames."""
+def _check(store: Store, item: tuple[str, int | None]) -> _Checked:
+    """Compare a record with its files; `item` is its name and its expected number of frames, if known."""
     name, frames = item
     record = read_record(store, name)
     if record is None and store.size(name) is not None:
@@ -168,7 +180,7 @@ def _check(store: Store, item: tuple[str, int]) -> _Checked:
         return _Checked([], 0, [f"{name}: is missing: the job was not finished"] if index else [], not index)
     wrong = (
         []
-        if record.frames == frames
+        if frames is None or record.frames == frames
         else [f"{name}: must be a record of {pluralize(frames, 'frame')}, got {record.frames}"]
     )
     for file, expected in record.files.items():

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The base class of formats of situations, and the fields that all of them have."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from warpvis.batch.situations._pictures import decode_picture
+from warpvis.core.types import Json
+from warpvis.errors import FileFormatError
+from warpvis.situations import Situation
+
+if TYPE_CHECKING:
+    from warpvis.batch._dataset import Record
+    from warpvis.batch.storage._output import ShardFiles
+    from warpvis.batch.storage._stores import Store
+
+FORMATS = ("webdataset", "parquet", "jsonl", "lerobot")
+"""Names of the formats: the modules of this package, imported on demand, and their classes."""
+
+Files = Mapping[str, tuple[str, bytes]]
+"""Result of `picture_files`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A situation as it is stored: its record, and its encoded pictures."""
+
+    record: Mapping[str, Any]
+    """Result of `Situation.to_dict`."""
+    files: Files
+    """Name and contents of each picture; empty if they were not requested."""
+
+    def restore(self) -> Situation:
+        """Return the situation with its pictures."""
+        images = {key: decode_picture(key, file, data) for key, (file, data) in self.files.items()}
+        return Situation.from_dict(dict(self.record), images)
+
+
+class SituationFormat:
+    """A layout of files. Its bytes must depend only on the situations, not on the time or on random names."""
+
+    name: ClassVar[str]
+    """Name of the format, as on the command line."""
+    library: ClassVar[str] = "zlib"
+    """Distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
+    card: ClassVar[Mapping[str, Json]]
+    """Path of the data files for the `configs` of a Hugging Face dataset card."""
+    description: ClassVar[str]
+    """Its files, for datasheets, in Markdown."""
+
+    def __init__(self, shards: int, shard_situations: int) -> None:
+        """Prepare to write or read `shards` shards of at most `shard_situations` situations each."""
+        self.shards, self.shard_situations = shards, shard_situations
+
+    def write_shard(
+        self, shard: int, situations: Sequence[Situation], pictures: Sequence[Files], files: ShardFiles
+    ) -> list[str]:
+        """Write the files of one shard, and return its units: files, or folders with files of this shard only."""
+        raise NotImplementedError
+
+    def read_shard(self, store: Store, shard: int, *, images: bool) -> list[Stored]:
+        """Read the situations of a shard, in their order."""
+        raise NotImplementedError
+
+    def finish(self, store: Store, records: Sequence[Record]) -> None:
+        """Complete the files of shards, when the records of all shards are known."""
+
+    def index(self, files: ShardFiles, records: Sequence[Record]) -> list[str]:
+        """Write files for the whole dataset after all shards, and return their units."""
+        return []
+
+
+def find_situation_format(name: object) -> type[SituationFormat]:
+    """Return the class of a format."""
+    if not isinstance(name, str) or name not in FORMATS:
+        raise FileFormatError(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
+    return getattr(import_module(f"warpvis.batch.situations._{name}"), name.capitalize())
+
+
+def make_row(situation: Situation, pictures: Files) -> dict[str, Any]:
+    """Return the fields of a situation.
+
+    Every situation has the same fields of the same types, which Arrow and `datasets` need. What differs between
+    situations, such as the description of the room, is in ``record``, a JSON text of all of `Situation.to_dict`.
+    """
+    return {
+        "name": situation.name,
+        "twin": situation.twin or "",
+        "questions": [
+            {
+                "kind": question.kind,
+                "text": question.text,
+                "paraphrases": list(question.paraphrases),
+                "choices": list(question.choices),
+                "answer": question.answer,
+                "reason": question.reason,
+                "about": list(question.about),
+                "margin": float(question.margin),
+                "unit": question.unit,
+            }
+            for question in situation.questions
+        ],
+        "sights": [
+            {
+                "agent": sight.agent,
+                "thing": sight.thing,
+                "time": sight.time,
+                "fraction": float(sight.fraction),
+                "error": float(sight.error),
+                "state": sight.state,
+            }
+            for sight in situation.sights
+        ],
+        "files": [{"image": key, "file": file} for key, (file, _) in pictures.items()],
+        "record": record_text(situation),
+    }
+
+
+def record_text(situation: Situation) -> str:
+    """Return everything but the pictures as JSON."""
+    return json.dumps(situation.to_dict(), allow_nan=False, separators=(",", ":"))
+
+
+def read_shard_file(store: Store, name: str) -> bytes:
+    """Read a file of a shard, which must exist."""
+    data = store.read(name)
+    if data is None:
+        raise FileFormatError(f"{store.name}: {name} is missing")
+    return data
