@@ -88,6 +88,24 @@ def _scans(folder):
     return {}
 
 
+def _sdf(folder):
+    box = "<visual name='v'><geometry><box><size>1 1 1</size></box></geometry></visual>"
+    camera = (
+        "<sensor name='c' type='camera'><camera><image><width>8</width><height>6</height></image></camera></sensor>"
+    )
+    joint = "<parent>base</parent><child>arm</child><axis><xyz>0 0 1</xyz></axis>"
+    joint = f"<joint name='turn' type='revolute'>{joint}</joint>"
+    robot = f"<link name='base'>{box}</link><link name='arm'><pose>0 0 1 0 0 0</pose>{box}{camera}</link>{joint}"
+    (folder / "models").mkdir()
+    table = "<include><uri>model://table</uri><pose>3 0 1 0 0 0</pose></include>"
+    text = f"<sdf version='1.9'><world name='w'><model name='robot'>{robot}</model>{table}</world></sdf>"
+    (folder / "cafe.world").write_text(text)
+    (folder / "models" / "table").mkdir()
+    model = f"<sdf version='1.9'><model name='table'><link name='l'>{box}</link></model></sdf>"
+    (folder / "models" / "table" / "model.sdf").write_text(model)
+    return {}
+
+
 def _room():
     """Return a room with a floor, a table, a cup and a ball behind a wall, a robot and a person."""
     scene = wv.Scene()

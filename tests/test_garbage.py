@@ -74,7 +74,6 @@ RESULTS = {
     "ObjectVisibility",
     "OccupancyGrid",
     "Perspective",
-    "SceneCamera",
     "PlanVisibility",
     "Placement",
     "Proposal",
@@ -235,13 +234,13 @@ NAMES = (
     "compare Kinematics Mujoco mujoco World camera_ geom_ scene_ Best Coverage best_ clearance coverage minimum pose_ "
     "Constraint check_ Box Shell Support sample_ visible_ Fraction Visibility visibility_ Margin "
     "propose standing surface along frames_ grid looks orbit random sphere view_ Depth Lens Version add_ distort "
-    "place_ Placement unknown_ Measured Occupancy read_tracks Track Watch Randomized Reference "
+    "place_ Placement unknown_ Measured Occupancy read_tracks read_sensors Track Watch Randomized Reference "
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "
     "range_ recog segm Li bpearl even hdl vl pandar64 xt32 qt128 at128 rplidar "
     "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
-    "Viewer view MujocoStage read_scene "
+    "Viewer view MujocoStage "
     "Body Colors Person crouching looking_ pointing posed reaching sitting stature walking "
 ).split()
 

@@ -6,6 +6,10 @@ from __future__ import annotations
 
 _USD = ("warpvis.io.usd:read_usd", "a USD stage")
 
+_SDF = "warpvis.io.sdf:read_sdf"
+MODEL_CONFIG = "model.config"
+"""Name of the file that lists the SDF files of the folder of one of Gazebo's models."""
+
 SCENE_READERS = {
     ".wbt": ("warpvis.webots:read_world", "a Webots world"),
     ".xml": ("warpvis.io._models:read_model_file", "a model"),
@@ -13,6 +17,9 @@ SCENE_READERS = {
     ".xacro": ("warpvis.io.urdf:read_urdf", "a model"),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
     ".json": ("warpvis.io.datasets._habitat:read_habitat", "a scene of a Habitat dataset"),
+    ".sdf": (_SDF, "an SDF file"),
+    ".world": (_SDF, "an SDF file"),
+    ".config": (_SDF, "a model.config"),
 }
 """Readers by file extension, and what such a file contains.
 

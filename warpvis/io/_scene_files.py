@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, as_path, check_flag
-from warpvis.core.file_content import require_content, writing
+from warpvis.core.file_content import is_file, require_content, writing
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._meshes import read_mesh_file
-from warpvis.io._readers import SCENE_READERS
+from warpvis.io._readers import MODEL_CONFIG, SCENE_READERS
 from warpvis.scene import Y_UP_TO_Z_UP, Axis, FileParts, SceneObject
 from warpvis.scene.lights import HEADLIGHT
 
@@ -46,6 +46,8 @@ def read_parts(
         [search_path] if isinstance(search_path, os.PathLike) else as_items(search_path, "search_path", SceneError)
     )
     search_folders = [as_path(folder, "search_path") for folder in folders]
+    if is_file(path / MODEL_CONFIG):  # the folder of a model of Gazebo
+        path = path / MODEL_CONFIG
     if not path.is_file():
         raise FileFormatError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}")
     missing = next((folder for folder in search_folders if not folder.is_dir()), None)

@@ -121,7 +121,8 @@ def _surface(material: Any) -> Any:
     """Return the surface shader of a material, UsdPreviewSurface if it has one."""
     found = None
     for context in ("", "mtlx", "mdl"):
-        shader = material.ComputeSurfaceSource(context)[0]
+        result = material.ComputeSurfaceSource([context] if context else [])
+        shader = result[0] if isinstance(result, tuple) else result
         if shader:
             if _shader_id(shader) in _SURFACES:
                 return shader

@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Lights, ambient light and background of SDF worlds. Colors are display values (sRGB), as in Gazebo Classic."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from warpvis.core.checks import truncate
+from warpvis.errors import SceneError
+from warpvis.io.sdf._scopes import Matrix
+from warpvis.io.sdf._xml import Node
+from warpvis.scene.lights import Background, Light
+
+_KINDS = ("point", "spot", "directional")
+_SKY = (0.5, 0.7, 0.9)
+"""Color of a sky."""
+_AMBIENT = (0.4, 0.4, 0.4, 1.0)
+_BACKGROUND = (0.7, 0.7, 0.7, 1.0)
+
+
+def read_light(node: Node, name: str, pose: Matrix) -> Light | None:
+    """Return a light with a pose in the file's frame; None if it is off.
+
+    The angles of a spot's cones are full angles. Between them, its light decreases linearly with the angle, for a
+    `falloff` of about 1; for a larger one, faster; and without one, the whole cone has full brightness.
+    """
+    kind = (node.get("type") or "point").strip()
+    if kind not in _KINDS:
+        node.fail(f"must have a type {', '.join(_KINDS[:2])} or {_KINDS[2]}, got {truncate(kind)!r}")
+    if not node.flag("light_on", True):
+        return None
+    direction = np.array(node.numbers("direction", (0.0, 0.0, -1.0)))
+    if not direction.any():
+        node.fail("must have a direction other than 0")
+    options: dict[str, Any] = {}
+    if kind != "directional":
+        constant, linear, quadratic = (
+            node.number(f"attenuation/{tag}", default, minimum=0.0)
+            for tag, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+        )
+        attenuation = (constant, linear, quadratic)
+        options["attenuation"] = attenuation if any(attenuation) else (1.0, 0.0, 0.0)
+        options["reach"] = node.number("attenuation/range", 10.0, minimum=0.0)
+    if kind == "spot":
+        inner, outer = (
+            min(node.number(f"spot/{tag}_angle", 0.0, minimum=0.0) / 2, math.pi) for tag in ("inner", "outer")
+        )
+        falloff = node.number("spot/falloff", 0.0, minimum=0.0)
+        options |= {"inner_angle": min(inner, outer), "outer_angle": outer}
+        options["falloff"] = "opengl" if falloff == 0 else "webots" if falloff < 1.5 else "gltf"
+    diffuse = node.color("diffuse") or (1.0, 1.0, 1.0, 1.0)
+    specular = node.color("specular") or (0.1, 0.1, 0.1, 1.0)
+    try:
+        return Light(
+            kind,  # type: ignore[arg-type]
+            name,
+            position=tuple(pose[:3, 3].tolist()),
+            direction=tuple((pose[:3, :3] @ direction).tolist()),
+            color=diffuse[:3],
+            specular=specular[:3],
+            intensity=node.number("intensity", 1.0, minimum=0.0),
+            cast_shadow=node.flag("cast_shadows", False),
+            **options,
+        )
+    except SceneError as error:
+        node.fail(f"is no valid light: {error}")
+
+
+def read_environment(world: Node) -> tuple[list[Light], Background, list[str]]:
+    """Return the ambient light and the background of a world, and notes on what is not shown."""
+    scene = world.child("scene")
+    color, notes = _BACKGROUND, []
+    ambient = _AMBIENT
+    if scene is not None:
+        ambient, color = scene.color("ambient") or ambient, scene.color("background") or color
+        if scene.child("sky") is not None:
+            color = (*_SKY, 1.0)
+            notes.append("a sky is a color")
+        if scene.child("fog") is not None:
+            notes.append("fog is not shown")
+    light = Light("ambient", "ambient", ambient=ambient[:3], color=(0.0, 0.0, 0.0))
+    return [light], Background(color[:3]), notes
