@@ -107,6 +107,10 @@ def data_cases(folder):
         "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
         "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),
+        "read_scene_cameras": (
+            wv.io.read_scene_cameras,
+            {"path": folder / "stage.usda", "width": 8, "height": 6, "up": "y", "search_path": folder},
+        ),
         "read_sensors": (wv.io.read_sensors, {"path": folder / "robot.sdf", "search_path": folder}),
         "read_tracks": (wv.io.read_tracks, {"path": folder / "walk.txt", "convention": "opencv", "quaternion": "xyzw"}),
         "Track.pose_at": (

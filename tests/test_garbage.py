@@ -74,6 +74,7 @@ RESULTS = {
     "ObjectVisibility",
     "OccupancyGrid",
     "Perspective",
+    "SceneCamera",
     "PlanVisibility",
     "Placement",
     "Proposal",
@@ -240,7 +241,7 @@ NAMES = (
     "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
-    "Viewer view MujocoStage "
+    "Viewer view MujocoStage read_scene "
     "Body Colors Person crouching looking_ pointing posed reaching sitting stature walking "
 ).split()
 

@@ -5,11 +5,12 @@
 import numpy as np
 import pytest
 import trimesh
-import usd_stages as stages
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Y_UP_TO_Z_UP
+
+from support import usd_stages as stages
 
 pytest.importorskip("pxr")
 from pxr import Gf, Usd, UsdGeom, UsdSemantics

@@ -39,6 +39,7 @@ def files_for_cases(folder):
     (folder / "out").mkdir()
     (folder / "lab.wbt").write_text(WORLD)
     (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
+    (folder / "stage.usda").write_text('#usda 1.0\ndef Camera "eye"\n{\n}\n')
     (folder / "robot.sdf").write_text('<sdf version="1.9"><model name="m"><link name="l"/></model></sdf>')
     (folder / "box.xml").write_text('<mujoco><worldbody><geom name="ball" size="0.1"/></worldbody></mujoco>')
     (folder / "points.txt").write_text("1 2 3\n")

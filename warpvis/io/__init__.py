@@ -37,6 +37,7 @@ from warpvis.io._messages import (
     to_pointcloud2,
 )
 from warpvis.io._points import read_points, save_cloud, save_clouds
+from warpvis.io._scene_cameras import SceneCamera, read_scene_cameras
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.cameras._files import load_camera
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
@@ -49,6 +50,7 @@ from warpvis.io.sdf import SdfSensor, read_sensors
 __all__ = [
     "MeasuredFrame",
     "Recording",
+    "SceneCamera",
     "SdfSensor",
     "Track",
     "from_color_msg",
@@ -57,6 +59,7 @@ __all__ = [
     "read_depth",
     "read_points",
     "read_poses",
+    "read_scene_cameras",
     "read_sensors",
     "read_tracks",
     "register_livox_types",

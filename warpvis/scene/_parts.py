@@ -160,10 +160,12 @@ class FileParts:
         lights = tuple(light.moved(rotation, factor) for light in self.lights)
         return lights, None if self.background is None else self.background.rotated(rotation, factor)
 
-    def scene_joints(self, scene_up: Axis, file_up: Axis | None = None) -> JointTree:
+    def scene_joints(self, scene_up: Axis, file_up: Axis | None = None, scale: float = 1.0) -> JointTree:
         """Return the joints in the scene's frame; arguments as for `objects`."""
         upright = self._upright(scene_up, file_up)
-        return self.joints if upright is None else self.joints.placed(upright)
+        factor = float(np.max(check_scale(scale, str(self.path))))
+        joints = self.joints if factor == 1 else self.joints.scaled(factor)
+        return joints if upright is None else joints.placed(upright)
 
     def _upright(self, scene_up: Axis, file_up: Axis | None) -> NDArray[np.float64] | None:
         """Return the rotation from the file's vertical axis to the scene's; None for the identity."""

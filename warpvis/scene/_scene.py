@@ -269,7 +269,7 @@ class Scene:
         lights, background = found.environment(self.up, options.get("file_up"), scale)
         self.lights, self.background = (*self.lights, *lights), background or self.background
         if len(found.joints):
-            self._joints = self._joints.joined(found.scene_joints(self.up, options.get("file_up")))
+            self._joints = self._joints.joined(found.scene_joints(self.up, options.get("file_up"), scale))
             self._links |= {part.name: part.link for part in parts if part.link is not None}
         for run in instance_runs(parts):
             arguments = {**run[0].arguments(), "scale": scale}

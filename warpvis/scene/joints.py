@@ -8,8 +8,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, get_args
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -240,6 +240,11 @@ class JointTree:
         roots = [link for link in self._links if all(joint.child != link for joint in self)]
         return JointTree(self, {link: frame @ self._root_poses.get(link, np.eye(4)) for link in roots})
 
+    def scaled(self, factor: float) -> JointTree:
+        """Return the tree with all lengths multiplied by a factor."""
+        poses = {link: _scaled_pose(pose, factor) for link, pose in self._root_poses.items()}
+        return JointTree([_scaled_joint(joint, factor) for joint in self], poses)
+
     def _parse(self, values: JointValues | None, check_limits: bool) -> dict[str, NDArray[np.float64]]:
         """Return the values of all joints, shape ``(W, width)`` or ``(1, width)``."""
         given = {} if values is None else check_mapping(values, "values", PoseError)
@@ -314,6 +319,24 @@ class SceneJoints(JointTree):
                 matrices[:, column] = links[link] @ np.linalg.inv(rest[link][0]) @ self._initial[column]
         rows = poses_to_opencv(matrices.reshape(-1, 4, 4), name="poses of links")
         return rows.reshape(worlds, len(self._columns), 7).astype(np.float32)
+
+
+def _scaled_pose(pose: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    scaled = pose.copy()
+    scaled[:3, 3] *= factor
+    return scaled
+
+
+def _scaled_joint(joint: Joint, factor: float) -> Joint:
+    """Return a joint with all lengths multiplied by a factor."""
+    initial = np.array(joint.initial)
+    lengths = {"prismatic": 1, "planar": 2, "floating": 3}.get(joint.kind, 0)
+    initial[:lengths] *= factor
+    changes: dict[str, Any] = {"initial": initial}
+    if joint.kind == "prismatic" and joint.limits is not None:
+        changes["limits"] = (factor * joint.limits[0], factor * joint.limits[1])
+    frames = {name: _scaled_pose(getattr(joint, name), factor) for name in ("origin", "child_origin")}
+    return replace(joint, **frames, **changes)
 
 
 def _order(

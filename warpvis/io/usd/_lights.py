@@ -32,7 +32,7 @@ _POLE_Z = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 def read_lights(
-    prims: Sequence[tuple[Any, NDArray[np.float64]]], meters: float, time: Any, parts: Sequence[tuple[Part, str]]
+    prims: Sequence[tuple[Any, NDArray[np.float64]]], meters: float, time: Any, parts: Sequence[Part]
 ) -> tuple[list[Light], Background | None, list[str]]:
     """Read the lights of a stage.
 
@@ -66,7 +66,7 @@ def read_lights(
 
 
 def _exposed(
-    lights: list[Light], background: Background | None, parts: Sequence[tuple[Part, str]]
+    lights: list[Light], background: Background | None, parts: Sequence[Part]
 ) -> tuple[list[Light], Background | None]:
     """Scale all lights so that a white surface at the center, facing each of them, has the display value 1."""
     center = _center(parts)
@@ -90,9 +90,9 @@ def _unaimed(light: Light, point: NDArray[np.float64]) -> float:
     return float(replace(light, direction=tuple(aim) if np.linalg.norm(aim) > 0 else (0, 0, -1)).strength(point))
 
 
-def _center(parts: Sequence[tuple[Part, str]]) -> NDArray[np.float64]:
+def _center(parts: Sequence[Part]) -> NDArray[np.float64]:
     """Return the mean position of the parts' origins, about the center of the stage."""
-    poses = [part.pose[:3] for part, _ in parts[:_MAX_POINTS] if part.pose is not None]
+    poses = [part.pose[:3] for part in parts[:_MAX_POINTS] if part.pose is not None]
     if not poses:
         return np.zeros(3)
     rows = np.array(poses)

@@ -121,8 +121,7 @@ def _surface(material: Any) -> Any:
     """Return the surface shader of a material, UsdPreviewSurface if it has one."""
     found = None
     for context in ("", "mtlx", "mdl"):
-        result = material.ComputeSurfaceSource([context] if context else [])
-        shader = result[0] if isinstance(result, tuple) else result
+        shader = material.ComputeSurfaceSource(context)[0]
         if shader:
             if _shader_id(shader) in _SURFACES:
                 return shader

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,8 @@ def read_geometry(prim: Any, kind: str, time: Any) -> Geometry | None:
         return _mesh(prim, time)
     if kind == "TetMesh":
         return _tetrahedra(prim, time)
-    return _simple(_SIMPLE[kind](prim, time))
+    lengths = tuple(_length(prim, name, time) for name in _LENGTHS[kind])
+    return _simple_shape(kind, lengths, _axis(prim, kind, time))
 
 
 def _mesh(prim: Any, time: Any) -> Geometry | None:
@@ -134,71 +135,51 @@ def _simple(shape: _Shape) -> Geometry:
     return Geometry(vertices, faces, np.arange(count), corners, count, 3 * count, normals=normals, key=key)
 
 
-def _cube(prim: Any, time: Any) -> _Shape:
-    half = _length(prim, "size", time) / 2
-    return round_shapes.box(half)
+@lru_cache(maxsize=256)
+def _simple_shape(kind: str, lengths: tuple[float, ...], axis: str) -> Geometry:
+    """Return the geometry of a simple shape, from the values of `_LENGTHS`; equal ones are the same object."""
+    if kind == "Cube":
+        return _simple(round_shapes.box(lengths[0] / 2))
+    if kind == "Plane":
+        return _simple(_plane(*lengths, axis))
+    if kind == "Sphere":
+        return _simple(round_shapes.capsule(lengths[0], lengths[0], 0.0))
+    height, bottom = lengths[:2]
+    top = lengths[-1] if kind != "Cone" else 0.0
+    make = round_shapes.capsule if kind.startswith("Capsule") else round_shapes.frustum
+    vertices, faces, normals = make(bottom, top, height)
+    order = _AXES[axis]
+    return _simple((vertices[:, order], faces, None if normals is None else normals[..., order]))
 
 
-def _sphere(prim: Any, time: Any) -> _Shape:
-    return round_shapes.capsule(_length(prim, "radius", time), _length(prim, "radius", time), 0.0)
-
-
-def _cylinder(prim: Any, time: Any) -> _Shape:
-    radius = _length(prim, "radius", time)
-    return _along_axis(prim, time, round_shapes.frustum(radius, radius, _length(prim, "height", time)))
-
-
-def _cylinder_1(prim: Any, time: Any) -> _Shape:
-    bottom, top = _length(prim, "radiusBottom", time), _length(prim, "radiusTop", time)
-    return _along_axis(prim, time, round_shapes.frustum(bottom, top, _length(prim, "height", time)))
-
-
-def _cone(prim: Any, time: Any) -> _Shape:
-    radius, height = _length(prim, "radius", time), _length(prim, "height", time)
-    return _along_axis(prim, time, round_shapes.frustum(radius, 0.0, height))
-
-
-def _capsule(prim: Any, time: Any) -> _Shape:
-    radius, height = _length(prim, "radius", time), _length(prim, "height", time)
-    return _along_axis(prim, time, round_shapes.capsule(radius, radius, height))
-
-
-def _capsule_1(prim: Any, time: Any) -> _Shape:
-    bottom, top = _length(prim, "radiusBottom", time), _length(prim, "radiusTop", time)
-    return _along_axis(prim, time, round_shapes.capsule(bottom, top, _length(prim, "height", time)))
-
-
-def _plane(prim: Any, time: Any) -> _Shape:
+def _plane(width: float, length: float, axis: str) -> _Shape:
     """Return a plane; its width is along x, or z if it is normal to x, and its length along y, or z if normal to y."""
-    width, length = _length(prim, "width", time) / 2, _length(prim, "length", time) / 2
-    axis = str(prim.GetAttribute("axis").Get(time))
-    u, v = {"X": (2, 1), "Y": (0, 2), "Z": (0, 1)}.get(axis, (0, 1))
+    u, v = {"X": (2, 1), "Y": (0, 2), "Z": (0, 1)}[axis]
     vertices = np.zeros((4, 3))
-    vertices[:, u], vertices[:, v] = np.array([-1, 1, 1, -1]) * width, np.array([-1, -1, 1, 1]) * length
+    vertices[:, u], vertices[:, v] = np.array([-1, 1, 1, -1]) * width / 2, np.array([-1, -1, 1, 1]) * length / 2
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     return vertices, faces if axis == "Z" else faces[:, ::-1], None
 
 
-_SIMPLE: dict[str, Callable[[Any, Any], _Shape]] = {
-    "Cube": _cube,
-    "Sphere": _sphere,
-    "Cylinder": _cylinder,
-    "Cylinder_1": _cylinder_1,
-    "Cone": _cone,
-    "Capsule": _capsule,
-    "Capsule_1": _capsule_1,
-    "Plane": _plane,
+_LENGTHS = {
+    "Cube": ("size",),
+    "Sphere": ("radius",),
+    "Cylinder": ("height", "radius"),
+    "Cylinder_1": ("height", "radiusBottom", "radiusTop"),
+    "Cone": ("height", "radius"),
+    "Capsule": ("height", "radius"),
+    "Capsule_1": ("height", "radiusBottom", "radiusTop"),
+    "Plane": ("width", "length"),
 }
+"""Attributes of simple shapes."""
 
 
-def _along_axis(prim: Any, time: Any, shape: _Shape) -> _Shape:
-    """Rotate a shape about z to the axis of a prim."""
-    axis = str(prim.GetAttribute("axis").Get(time))
-    order = _AXES.get(axis)
-    if order is None:
+def _axis(prim: Any, kind: str, time: Any) -> str:
+    """Return the axis of a simple shape."""
+    axis = str(prim.GetAttribute("axis").Get(time)) if kind not in ("Cube", "Sphere") else "Z"
+    if axis not in _AXES:
         raise ValueError(f"axis of <{prim.GetPath()}> must be X, Y or Z, got {axis!r}")
-    vertices, faces, normals = shape
-    return vertices[:, order], faces, None if normals is None else normals[..., order]
+    return axis
 
 
 def _length(prim: Any, name: str, time: Any) -> float:

@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pxr import Ar, Tf, Usd, UsdUtils
+from pxr import Ar, Tf, Usd, UsdGeom, UsdUtils
 
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
@@ -53,6 +54,17 @@ def stage_time(stage: Any) -> Any:
     if stage.HasAuthoredTimeCodeRange():
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
+
+
+def stage_meters(stage: Any) -> float:
+    """Return the stage's unit [m], 0.01 by default."""
+    try:
+        meters = float(UsdGeom.GetStageMetersPerUnit(stage))
+    except Tf.ErrorException:  # it has another type
+        meters = float(stage.GetRootLayer().pseudoRoot.GetInfo("metersPerUnit"))
+    if not 0 < meters < math.inf:
+        raise ValueError(f"metersPerUnit must be greater than 0, got {meters:g}")
+    return meters
 
 
 def _require_suffix(path: Path) -> None:

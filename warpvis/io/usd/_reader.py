@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,14 @@ from warpvis.core.checks import describe_exception, pluralize, truncate
 from warpvis.errors import FileFormatError
 from warpvis.io._gltf_placements import split
 from warpvis.io.usd._appearances import Primvar, Surface, needed_primvars
+from warpvis.io.usd._joints import read_joints
 from warpvis.io.usd._lights import read_lights
 from warpvis.io.usd._materials import MaterialSource, read_material
 from warpvis.io.usd._meshes import Geometry, read_geometry
 from warpvis.io.usd._open import composition_errors, open_stage, quiet, stage_time
 from warpvis.io.usd._semantics import category
 from warpvis.io.usd._walk import Place, StageWalk
-from warpvis.scene import Axis, FileParts, Part, keep_winding
+from warpvis.scene import Axis, FileParts, Part, keep_winding, move_with_links
 from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.lights import HEADLIGHT
 from warpvis.scene.solids import Solid
@@ -68,6 +68,7 @@ class _Reader:
         """Return the parts, lights and warnings."""
         walk = StageWalk(self._stage, self._time)
         bindings = self._bindings(walk.places)
+        joints, unjoined = read_joints(walk.joints, walk.bodies, walk.meters)
         parts = self._parts(walk.places, bindings)
         lights, background, unlit = read_lights(walk.lights, walk.meters, self._time, parts)
         missing = composition_errors(self._stage)
@@ -75,16 +76,18 @@ class _Reader:
         if strict and messages:
             raise FileFormatError(messages[0])
         notes = [note for source in self._materials.values() for note in source.notes]
-        if notes or unlit:
-            messages.append(f"{self._path}: not read: {_listed([*dict.fromkeys(notes), *unlit])}")
+        notes = [*dict.fromkeys(notes), *unlit, *unjoined]
+        if notes:
+            messages.append(f"{self._path}: not read: {_listed(notes)}")
         up: Axis = "z" if UsdGeom.GetStageUpAxis(self._stage) == UsdGeom.Tokens.z else "y"
         return FileParts(
             self._path,
-            _with_bodies(parts),
+            move_with_links(parts, joints),
             up=up,
             warnings=tuple(messages),
             lights=tuple(lights) or (HEADLIGHT,),
             background=background,
+            joints=joints,
         )
 
     def _skipped(self, walk: StageWalk, missing: list[str]) -> list[str]:
@@ -100,8 +103,8 @@ class _Reader:
             found.append(f"left out prims without triangles ({kinds}); Blender or Houdini can convert them to meshes")
         return found
 
-    def _parts(self, places: Sequence[Place], bindings: dict[str, str]) -> list[tuple[Part, str]]:
-        """Return the parts in the file's order, with their bodies; those with equal meshes follow each other."""
+    def _parts(self, places: Sequence[Place], bindings: dict[str, str]) -> list[Part]:
+        """Return the parts in the file's order; those with equal meshes follow each other."""
         shapes = [self._geometry(place) for place in places]
         kept = [(place, shape) for place, shape in zip(places, shapes, strict=True) if shape is not None]
         if not kept:
@@ -119,12 +122,13 @@ class _Reader:
                 mesh,
                 label_of_category(word),
                 pose,
-                movable=bool(place.body),
+                link=place.body or None,
                 category=word,
                 aliases=tuple(dict.fromkeys((*place.names, *words))),
                 appearance=self._appearance(place, shape, bindings, applied),
+                extras={"kind": place.kind},
             )
-            parts.append((part, place.body))
+            parts.append(part)
         return _grouped(parts)
 
     def _geometry(self, place: Place) -> Geometry | None:
@@ -250,29 +254,20 @@ def _primvar(values: Any, interpolation: str) -> Primvar:
         rows = np.array(values)
     except (TypeError, ValueError):
         rows = np.zeros((0, 1))
-    return Primvar(rows.reshape(len(rows), -1) if rows.ndim else rows.reshape(1, 1), interpolation)
+    width = int(np.prod(rows.shape[1:]))
+    return Primvar(rows.reshape(-1, width) if rows.ndim else rows.reshape(1, 1), interpolation)
 
 
-def _grouped(parts: list[tuple[Part, str]]) -> list[tuple[Part, str]]:
+def _grouped(parts: list[Part]) -> list[Part]:
     """Sort parts so that those that can be instances of one mesh follow the first of them."""
     first: dict[Any, int] = {}
     keys = []
-    for number, (part, body) in enumerate(parts):
+    for number, part in enumerate(parts):
         arrays = (id(part.mesh),) if isinstance(part.mesh, Solid) else tuple(map(id, part.mesh))
-        key = arrays, id(part.appearance), part.label, part.category, bool(body)
+        key = arrays, id(part.appearance), part.label, part.category, part.link is None
         keys.append(first.setdefault(key, number))
     order = sorted(range(len(parts)), key=lambda number: (keys[number], number))
     return [parts[number] for number in order]
-
-
-def _with_bodies(parts: list[tuple[Part, str]]) -> list[Part]:
-    """Attach the parts of each rigid body to its first part."""
-    first: dict[str, str] = {}
-    found = []
-    for part, body in parts:
-        head = first.setdefault(body, part.name) if body else part.name
-        found.append(part if head == part.name else replace(part, attach_to=head))
-    return found
 
 
 def _listed(items: Sequence[str]) -> str:

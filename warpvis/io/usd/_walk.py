@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from warpvis.core.checks import describe_exception
+from warpvis.io.usd._open import stage_meters
 from warpvis.io.usd._semantics import Labels, direct_labels
 
 SHAPES = (
@@ -92,11 +93,8 @@ class StageWalk:
         self.invisible = 0
         self._time, self._open_instancers = time, set[str]()
         self._count = 0
-        meters = UsdGeom.GetStageMetersPerUnit(stage)
-        if not 0 < meters < np.inf:
-            raise ValueError(f"metersPerUnit must be greater than 0, got {meters:g}")
-        self.meters = float(meters)
-        root = np.diag([meters, meters, meters, 1.0])
+        self.meters = stage_meters(stage)
+        root = np.diag([self.meters, self.meters, self.meters, 1.0])
         for prim in stage.GetPseudoRoot().GetFilteredChildren(_CHILDREN):
             self._visit(prim, _Above(root))
 
