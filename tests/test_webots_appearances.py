@@ -134,7 +134,7 @@ def test_objects_without_files_have_appearances(tmp_path):
     assert colors["table"] == {(0, 0, 1, 1), opaque(0.66, 0.44, 0.25)}
     assert colors["wall"] == {(1, 0, 0, 1)}
     assert (1, 1, 1, 1) in colors["window"] and any(color[3] < 1 for color in colors["window"])
-    assert found["fridge"] is None
+    assert colors["fridge"] == {opaque(0.74, 0.72, 0.71)}
     assert colors["desk"] == {(0, 1, 0, 1)}
     assert (1, 0, 0, 1) in colors["pedestrian"] and len(colors["pedestrian"]) == 4
     assert colors["crate"] == {(0, 0, 1, 1)}

@@ -374,7 +374,7 @@ def test_depth_cameras_are_placed_as_in_webots(text, version):
         _, offset, linear = sensors[kind]
         np.testing.assert_allclose(offset, place, atol=2e-6)
         np.testing.assert_allclose(linear[:, 0] if version == NEW else -linear[:, 2], forward, atol=2e-4)
-    assert (solid.size, solid.height) == ((6, 4) if text[0] == "K" else (9, 4))
+    assert (solid.size, solid.height) == ((7, 4) if text[0] == "K" else (11, 4))
     assert expand_depth_camera(parse("Solid { }")) is None
 
 

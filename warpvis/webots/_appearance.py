@@ -24,7 +24,7 @@ from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance, Filter, Material, Texture, Wrap, linear_color
 from warpvis.scene.normals import have_direction, transform_normals
 from warpvis.webots._nodes import Node
-from warpvis.webots.protos._appearances import stand_in_appearance
+from warpvis.webots.protos._appearances import stand_in_appearance, untextured_appearance
 from warpvis.webots.shapes._mesh_attributes import mesh_attributes
 from warpvis.webots.shapes._polygons import Points, Triangles, split_polygons, triangulate, tuples
 
@@ -52,22 +52,31 @@ class AppearanceFiles:
     def resolve(self, node: Node) -> Node | None:
         """Return the PBRAppearance or Appearance of a node: expanded, or a stand-in; None for an unknown PROTO.
 
-        A PROTO without a file, or whose base color texture is missing, becomes a PBRAppearance of one color.
+        A PROTO without a file, or a node whose texture is missing, gets a plausible color.
         """
         found = self._expand(node)
-        if node.type in APPEARANCES:
+        texture = None if found is None else _texture_node(found)
+        url = "" if texture is None else texture.texts("url")[0]
+        if found is not None and (texture is None or self.find(url, texture) is not None):
             return found
-        if found is not None:
-            texture = _texture_node(found)
-            if texture is None or self.find(texture.texts("url")[0], texture) is not None:
+        substitute = None if node.type in APPEARANCES else stand_in_appearance(node)
+        called, reason = node.type, "file" if found is None else "texture"
+        if substitute is None and found is not None:
+            try:
+                substitute = untextured_appearance(found, url)
+                called, reason = f"an ImageTexture {url[-60:].rsplit('/')[-1]!r}", "file"
+            except WarpvisError:  # does not affect depth
                 return found
-        substitute = stand_in_appearance(node)
-        if not self._has_warned and (found is None or substitute is not None):
-            self._has_warned = True
-            used = "used white" if substitute is None else "used a stand-in color"
-            reason = "file" if found is None else "texture"
-            warn_user(f"{self._world}: {used} for {node.type}, whose {reason} was not found", UserWarning)
+        if substitute is not None:
+            self._warn(f"used a stand-in color for {called}, whose {reason} was not found")
+        elif found is None:
+            self._warn(f"used white for {node.type}, whose file was not found")
         return substitute or found
+
+    def _warn(self, message: str) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            warn_user(f"{self._world}: {message}", UserWarning)
 
 
 def shape_appearance(shape: Node) -> Node | None:
