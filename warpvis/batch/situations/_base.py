@@ -71,7 +71,7 @@ class SituationFormat:
     def finish(self, store: Store, records: Sequence[Record]) -> None:
         """Complete the files of shards, when the records of all shards are known."""
 
-    def index(self, files: ShardFiles, records: Sequence[Record]) -> list[str]:
+    def index(self, files: ShardFiles, store: Store) -> list[str]:
         """Write files for the whole dataset after all shards, and return their units."""
         return []
 

@@ -193,20 +193,20 @@ class SituationFolder(JobFolder):
 
     def finish(self, threshold: float, command: str | None, *, allow_shortcuts: bool) -> ShortcutReport | None:
         """Test for shortcuts and write the datasheet, which completes the dataset; None if it was complete."""
+        self._layout.finish(self._store, list(self._records()))
         records = list(self._records())
         total = sum(record.frames for record in records)
         shards = StoredShards(self._store, self._layout, [record.frames for record in records])
         if read_whole(self._store, INDEX_RECORD, total) is not None:
             self.questions = sum(len(situation["questions"]) for situation in shards.records())
             return None
-        self._layout.finish(self._store, records)
         with self._store.new_files() as files:
             report = write_datasheet(
                 files, shards, self._manifest, self._layout, self._job, command, threshold, bytes=self.bytes
             )
             if not allow_shortcuts:
                 report.shortcuts.require_none()
-            units = ["README.md", *self._layout.index(files, records)]
+            units = ["README.md", *self._layout.index(files, self._store)]
             commit(self._store, INDEX_RECORD, total, files, units)
         self.questions = report.questions
         return report.shortcuts

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
     from warpvis.batch.storage._stores import Store
 
+IMAGE = {"_type": "Image"}
+"""Feature of a picture."""
 _ROWS = 20
 """Situations per group of rows, which readers load at once."""
 _PICTURES = ("image", "image_name", "views", "view_names", "arrays")
@@ -44,31 +46,34 @@ class Parquet(SituationFormat):
         self, shard: int, situations: Sequence[Situation], pictures: Sequence[Files], files: ShardFiles
     ) -> list[str]:
         pa = require_package("pyarrow", "format 'parquet' is written with pyarrow", "dataset")
-        rows = [_row(situation, encoded) for situation, encoded in zip(situations, pictures, strict=True)]
-        table = pa.Table.from_pylist(rows, schema=_schema(pa))
-        stream = io.BytesIO()
-        write_parquet(table, stream, rows=_ROWS)
+        rows = [parquet_row(situation, encoded) for situation, encoded in zip(situations, pictures, strict=True)]
+        table = pa.Table.from_pylist(rows, schema=arrow_schema(pa))
         name = self._file_name(shard)
-        files.write(name, stream.getvalue())
+        files.write(name, parquet_bytes(table, rows=_ROWS))
         return [name]
 
     def read_shard(self, store: Store, shard: int, *, images: bool) -> list[Stored]:
-        parquet = require_package("pyarrow.parquet", "format 'parquet' is read with pyarrow", "dataset")
         name = self._file_name(shard)
-        data = read_shard_file(store, name)
-        columns = ["record", *(_PICTURES if images else ())]
-        with reading(f"{store.name}: {name}", "Parquet of situations"):
-            rows = parquet.read_table(io.BytesIO(data), columns=columns).to_pylist()
-            return [Stored(json.loads(row["record"]), _stored_files(row) if images else {}) for row in rows]
+        return decode_rows(f"{store.name}: {name}", read_shard_file(store, name), images=images)
 
     def _file_name(self, shard: int) -> str:
         return f"data/train-{shard:05d}-of-{self.shards:05d}.parquet"
 
 
-def write_parquet(table: Any, stream: Any, *, rows: int) -> None:
-    """Write a table; pictures are compressed already."""
+def parquet_bytes(table: Any, *, rows: int) -> bytes:
+    """Return a table as a Parquet file with groups of `rows` rows."""
     parquet = require_package("pyarrow.parquet", "Parquet is written with pyarrow", "dataset")
+    stream = io.BytesIO()
     parquet.write_table(table, stream, row_group_size=rows, compression="zstd", use_dictionary=False)
+    return stream.getvalue()
+
+
+def decode_rows(place: str, data: bytes, *, images: bool) -> list[Stored]:
+    """Read the rows of a Parquet file; `place` is its name in messages."""
+    parquet = require_package("pyarrow.parquet", f"{place}: Parquet is read with pyarrow", "dataset")
+    with reading(place, "Parquet of situations"):
+        rows = parquet.read_table(io.BytesIO(data), columns=["record", *(_PICTURES if images else ())]).to_pylist()
+        return [Stored(json.loads(row["record"]), _stored_files(row) if images else {}) for row in rows]
 
 
 def image_value(encoded: tuple[str, bytes], name: str) -> dict[str, Any]:
@@ -77,7 +82,8 @@ def image_value(encoded: tuple[str, bytes], name: str) -> dict[str, Any]:
     return {"bytes": data, "path": f"{name}.{file}"}
 
 
-def _row(situation: Situation, pictures: Files) -> dict[str, Any]:
+def parquet_row(situation: Situation, pictures: Files) -> dict[str, Any]:
+    """Return the values of `arrow_schema` for a situation."""
     first, views = split_views(pictures)
     row = make_row(situation, pictures)
     del row["files"]
@@ -98,7 +104,8 @@ def _stored_files(row: Mapping[str, Any]) -> dict[str, tuple[str, bytes]]:
     return files | {item["name"]: (f"{item['name']}.npz", item["bytes"]) for item in row["arrays"]}
 
 
-def _schema(pa: Any) -> Any:
+def arrow_schema(pa: Any, others: Mapping[str, Any] | None = None) -> Any:
+    """Return the columns of situations, and `others`, with their features for `datasets`."""
     text, image = pa.string(), pa.struct({"bytes": pa.binary(), "path": pa.string()})
     texts = pa.list_(text)
     question = {"kind": text, "text": text, "paraphrases": texts, "choices": texts, "answer": text, "reason": text}
@@ -115,17 +122,20 @@ def _schema(pa: Any) -> Any:
         "twin": text,
         "arrays": pa.list_(pa.struct({"name": text, "bytes": pa.binary()})),
         "record": text,
+        **(others or {}),
     }
-    features = {name: {"_type": "Image"} if name == "image" else _feature(pa, kind) for name, kind in fields.items()}
-    features["views"] = {"_type": "List", "feature": {"_type": "Image"}}
+    features = {name: IMAGE if name == "image" else make_feature(pa, kind) for name, kind in fields.items()}
+    features["views"] = {"_type": "List", "feature": IMAGE}
     metadata = {"huggingface": json.dumps({"info": {"features": features}})}
     return pa.schema(fields, metadata=metadata)
 
 
-def _feature(pa: Any, kind: Any) -> Any:
+def make_feature(pa: Any, kind: Any) -> Any:
     """Return the feature of `datasets` for a type of Arrow."""
     if pa.types.is_list(kind):
-        return {"_type": "List", "feature": _feature(pa, kind.value_type)}
+        return {"_type": "List", "feature": make_feature(pa, kind.value_type)}
+    if pa.types.is_fixed_size_list(kind):
+        return {"_type": "List", "feature": make_feature(pa, kind.value_type), "length": kind.list_size}
     if pa.types.is_struct(kind):
-        return {kind.field(place).name: _feature(pa, kind.field(place).type) for place in range(kind.num_fields)}
-    return {"_type": "Value", "dtype": {"double": "float64"}.get(str(kind), str(kind))}
+        return {kind.field(place).name: make_feature(pa, kind.field(place).type) for place in range(kind.num_fields)}
+    return {"_type": "Value", "dtype": {"double": "float64", "float": "float32"}.get(str(kind), str(kind))}

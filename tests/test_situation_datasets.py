@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Datasets of situations: the same bytes in every way of writing them, and read back by us and by their libraries."""
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+from batch_jobs import tree
+from situation_jobs import FakeGenerator, FakeOptions
+
+import warpvis as wv
+from warpvis.batch import open_dataset, verify
+from warpvis.batch.situations import generate_situations, open_situations
+from warpvis.batch.situations._job import choose_situations
+
+pytest.importorskip("sklearn")
+pytest.importorskip("pyarrow")
+
+FORMATS = ("webdataset", "parquet", "jsonl", "lerobot")
+ROOMS, OPTIONS = 4, FakeOptions()
+
+
+def generate(out, options=OPTIONS, *, count=40, shard_situations=10, threads=1, **others):
+    return generate_situations(
+        out, options, FakeGenerator, count=count, shard_situations=shard_situations, threads=threads, **others
+    )
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Return the folder of an uninterrupted dataset in each format."""
+    folder = tmp_path_factory.mktemp("whole")
+    for name in FORMATS:
+        generate(folder / name, format=name, license="cc-by-4.0")
+    return folder
+
+
+def expected(rooms=ROOMS, **options):
+    generator = FakeGenerator(FakeOptions(**options))
+    return [situation for room in range(rooms) for situation in generator.shard(room)]
+
+
+def require_equal(found, situation):
+    assert json.dumps(found.to_dict()) == json.dumps(situation.to_dict())
+    assert found.images.keys() == situation.images.keys()
+    for key, image in situation.images.items():
+        assert found.images[key].dtype == image.dtype
+        np.testing.assert_allclose(found.images[key], image, rtol=0, atol=5.1e-4, err_msg=key)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_situations_are_read_back(whole, name):
+    dataset, situations = open_situations(whole / name), expected()
+    assert len(dataset) == len(situations) == 40 and dataset.format == name
+    for found, situation in zip(dataset, situations, strict=True):
+        require_equal(found, situation)
+    assert dataset[-1].name == "00003-0009" and [item.name for item in dataset[9:11]] == ["00000-0009", "00001-0000"]
+    assert not open_situations(whole / name, images=False)[3].images
+    report = verify(whole / name)
+    assert report.ok and report.whole_shards == ROOMS and report.format == name
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_moments_and_far_depth_are_read_back(tmp_path, name):
+    options = FakeOptions(moments=3, far=100.0, seed=2)
+    generate(tmp_path, options, count=20, format=name)
+    for found, situation in zip(open_situations(tmp_path), expected(2, moments=3, far=100.0, seed=2), strict=True):
+        require_equal(found, situation)
+
+
+class Killed(BaseException):
+    """Ends a job as a signal does."""
+
+
+class Dying(FakeGenerator):
+    def shard(self, number):
+        if number == 2:
+            raise Killed
+        return super().shard(number)
+
+
+Dying.__qualname__ = "FakeGenerator"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_bytes_after_a_killed_run(tmp_path, whole, name):
+    options = {"count": 40, "shard_situations": 10, "format": name, "license": "cc-by-4.0"}
+    with pytest.raises(Killed):
+        generate_situations(tmp_path, FakeOptions(), Dying, threads=2, **options)
+    assert len(open_situations(tmp_path)) == 20 and not (tmp_path / "README.md").exists()
+    summary = generate(tmp_path, resume=True, threads=2, **options)
+    assert summary.generated == 20 and summary.situations == 40 and summary.questions == 80
+    assert tree(tmp_path) == tree(whole / name)
+    summary = generate(tmp_path, resume=True, **options)
+    assert summary.generated == 0 and summary.questions == 80 and summary.shortcuts is None
+
+
+def test_damaged_shards_are_generated_again(tmp_path, whole):
+    out = tmp_path / "out"
+    shutil.copytree(whole / "webdataset", out)
+    data = out / "data" / "train-000001.tar"
+    data.write_bytes(data.read_bytes().replace(b"visible", b"VISIBLE"))
+    assert verify(out).problems == ("data/train-000001.tar: its checksum differs from the recorded one",)
+    assert generate(out, license="cc-by-4.0", resume=True, repair=True).generated == 10
+    assert tree(out) == tree(whole / "webdataset")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["processes", "ray"])
+def test_bytes_of_other_engines(tmp_path, whole, engine):
+    others = {"engine": "ray", "threads": None} if engine == "ray" else {"threads": 2}
+    if engine == "ray":
+        pytest.importorskip("ray")
+    generate(tmp_path, workers=2, license="cc-by-4.0", **others)
+    assert tree(tmp_path) == tree(whole / "webdataset")
+
+
+def test_last_shard_has_whole_pairs():
+    situations = FakeGenerator(FakeOptions()).shard(0)
+    assert [item.name for item in choose_situations(situations, 5)] == [f"00000-000{k}" for k in range(4)]
+
+
+def test_webdataset_reads_the_shards(whole):
+    webdataset = pytest.importorskip("webdataset")
+    files = sorted(map(str, (whole / "webdataset" / "data").glob("*.tar")))
+    samples = list(webdataset.WebDataset(files, shardshuffle=False, empty_check=False).decode("rgb8"))
+    assert [sample["__key__"] for sample in samples] == [situation.name for situation in expected()]
+    for sample, situation in zip(samples, expected(), strict=True):
+        assert sample["json"]["questions"][0]["answer"] == situation.questions[0].answer
+        np.testing.assert_array_equal(sample["camera.color.png"], situation.images["camera/color"])
+
+
+@pytest.mark.parametrize("name", ["parquet", "jsonl", "webdataset"])
+def test_datasets_reads_the_folder(tmp_path, whole, monkeypatch, name):
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("datasets")
+    loaded = datasets.load_dataset(str(whole / name), split="train", cache_dir=str(tmp_path))
+    rows = {(row["json"] if name == "webdataset" else row)["name"]: row for row in loaded}
+    assert sorted(rows) == [situation.name for situation in expected()]
+    for situation in expected()[::7]:
+        row = rows[situation.name]
+        picture = row["camera.color.png" if name == "webdataset" else "image"]
+        np.testing.assert_array_equal(np.asarray(picture), situation.images["camera/color"])
+        row = row["json"] if name == "webdataset" else row
+        assert row["questions"][1]["choices"] == list(situation.questions[1].choices)
+        if name != "webdataset":
+            depth = np.asarray(row["views"][row["view_names"].index("camera/depth")])
+            np.testing.assert_allclose(depth[1:], 1000 * situation.images["camera/depth"][1:], atol=0.51)
+
+
+def test_datasheet(whole):
+    text = (whole / "parquet" / "README.md").read_text()
+    card, _, body = text.removeprefix("---\n").partition("---\n")
+    assert 'license: "cc-by-4.0"' in card and 'path: "data/*.parquet"' in card and '- "n<1K"' in card
+    counts = [question.answer for situation in expected() for question in situation.questions[:1]].count("yes")
+    assert re.search(rf"\| `sees` \| 40 \| .*yes: {counts}\b", body)
+    assert "| kitchen | 2 |" in body and "FakeOptions(seed=0" in body and "count=40" in body
+    assert "cc-by" not in (whole / "parquet" / "shards" / "000000.json").read_text()
+
+
+def test_shortcut_is_refused(tmp_path):
+    options, sizes = FakeOptions(shortcut="text"), {"count": 100, "shard_situations": 10}
+    with pytest.raises(wv.errors.ShortcutError, match="questions of kind 'sees' are answered by the shortcut"):
+        generate(tmp_path, options, **sizes)
+    assert not verify(tmp_path).ok and not (tmp_path / "README.md").exists()
+    summary = generate(tmp_path, options, **sizes, resume=True, allow_shortcuts=True)
+    assert summary.generated == 0 and {item.name for item in summary.shortcuts.found} >= {"text"}
+    assert verify(tmp_path).ok and "**above the threshold**" in (tmp_path / "README.md").read_text()
+
+
+WRONG = {
+    "count": ({"count": 0}, "count must be a whole number from 1 up, got 0"),
+    "size": ({"shard_situations": 1.5}, "shard_situations must be a whole number from 1 up, got 1.5"),
+    "format": ({"format": "csv"}, "format must be one of webdataset, parquet, jsonl, lerobot, got 'csv'"),
+    "options": ({"options": {"seed": 1}}, "options must be a dataclass with the options of the generator, got dict"),
+    "repair": ({"repair": True}, "repair=True requires resume=True"),
+    "engine": ({"engine": "slurm"}, 'engine must be "local" or "ray", got \'slurm\''),
+    "workers": ({"workers": 0}, "workers must be a whole number from 1 up, got 0"),
+    "address": ({"address": "auto"}, 'address= require engine="ray"'),
+    "threads": ({"threads": 0}, "threads must be a whole number from 1 up, got 0"),
+    "allow": ({"allow_shortcuts": 2}, "allow_shortcuts must be True or False, got 2"),
+    "threshold": ({"shortcut_threshold": 1.5}, "shortcut_threshold must be a number from 0 to 1, got 1.5"),
+    "license": ({"license": 3}, "license must be text, got 3"),
+    "device": ({"device": "gpu"}, "gpu"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_input(tmp_path, name):
+    changed, message = WRONG[name]
+    with pytest.raises(wv.errors.WarpvisError, match=message) as caught:
+        generate(tmp_path / "out", **changed)
+    assert "\n" not in str(caught.value) and not (tmp_path / "out").exists()
+
+
+def test_other_folders_are_refused(tmp_path, whole):
+    with pytest.raises(wv.errors.FileFormatError, match="contains a complete dataset"):
+        generate(whole / "jsonl", format="jsonl")
+    with pytest.raises(wv.errors.FileFormatError, match=r"other input: .*options's seed was 0 and is 5"):
+        generate(whole / "jsonl", FakeOptions(seed=5), format="jsonl", license="cc-by-4.0", resume=True)
+    with pytest.raises(wv.errors.FileFormatError, match="situations, not frames: open it with open_situations"):
+        open_dataset(whole / "jsonl")
+    with pytest.raises(wv.errors.FileFormatError, match="is not a dataset of situations"):
+        open_situations(tmp_path)
+    with pytest.raises(IndexError, match="index must be below 40"):
+        open_situations(whole / "jsonl")[40]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_damaged_files_are_one_sentence(tmp_path, whole, name):
+    out = tmp_path / "out"
+    shutil.copytree(whole / name, out)
+    for path in [path for path in (out / "data").rglob("*") if path.is_file()]:
+        path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(wv.errors.FileFormatError) as caught:
+        open_situations(out)[0]
+    assert "\n" not in str(caught.value)
+    shutil.rmtree(out / "data")
+    with pytest.raises(wv.errors.FileFormatError, match="is missing"):
+        open_situations(out)[0]
