@@ -99,6 +99,11 @@ RESULTS = {
     "WebotsWorld",
     "WorldPoses",
     "VisibilityMargins",
+    "Opening",
+    "Room",
+    "RoomItem",
+    "Seat",
+    "SupportPlace",
 }
 
 # Drawing is slow: only some of the bad values are used.

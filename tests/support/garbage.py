@@ -17,6 +17,7 @@ from arguments_people import people_cases
 from arguments_planning import planning_cases
 from arguments_poses import pose_cases
 from arguments_shared import CAMERA, POSE, WORLD, scene
+from arguments_situations import situation_cases
 from arguments_top import top_cases
 from arguments_viewer import viewer_cases
 from arguments_visibility import visibility_cases
@@ -28,7 +29,7 @@ import warpvis as wv
 def cases(folder):
     """Return valid arguments of all public callables."""
     makers = [top_cases, camera_cases, map_cases, data_cases, lidar_cases, depth_sensor_cases]
-    makers += [people_cases, planning_cases, pose_cases, viewer_cases, webots_cases]
+    makers += [people_cases, planning_cases, pose_cases, situation_cases, viewer_cases, webots_cases]
     tables = [make(folder) for make in makers]
     tables.append(visibility_cases())
     return {name: case for table in tables for name, case in table.items()}

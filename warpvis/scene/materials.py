@@ -307,6 +307,8 @@ def as_appearance(value: AppearanceLike, name: str) -> Appearance:
 
 
 def _array(array: ArrayLike, name: str) -> np.ndarray:
+    if isinstance(array, np.ndarray) and array.dtype.kind in "iuf":  # the message takes long for large arrays
+        return array
     return as_numbers(array, f"{name} must be an array of numbers, got {shown(array)}")
 
 

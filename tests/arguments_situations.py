@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Valid arguments of public functions of `situations`: ``name: (function, arguments)``."""
+
+import numpy as np
+
+import warpvis as wv
+
+
+def situation_cases(folder):
+    """Return the cases."""
+    room = wv.situations.generate_room(0, "lab", clutter=0.2)
+    rng = np.random.default_rng(0)
+    return {
+        "generate_room": (
+            wv.situations.generate_room,
+            {"seed": 0, "kind": "office", "size": (4.0, 5.0), "clutter": 0.5},
+        ),
+        "Room.build": (room.build, {"device": "cpu", "up": "z", "ceiling": True}),
+        "Room.from_dict": (wv.situations.Room.from_dict, {"data": room.to_dict()}),
+        "Room.item": (room.item, {"name": room.items[0].name}),
+        "Room.standing_places": (room.standing_places, {"rng": rng, "count": 2, "radius": 0.3}),
+        "Room.support_places": (
+            room.support_places,
+            {"rng": rng, "size": (0.1, 0.1, 0.1), "count": 2, "categories": ["lab bench"]},
+        ),
+    }
