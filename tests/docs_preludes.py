@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import rasterio
 import trimesh
 
 import warpvis as wv
@@ -103,6 +104,14 @@ def _sdf(folder):
     (folder / "models" / "table").mkdir()
     model = f"<sdf version='1.9'><model name='table'><link name='l'>{box}</link></model></sdf>"
     (folder / "models" / "table" / "model.sdf").write_text(model)
+    return {}
+
+
+def _terrain(folder):
+    place = {"crs": "EPSG:32633", "transform": rasterio.transform.from_origin(500000, 5400000, 10, 10)}
+    profile = {"driver": "GTiff", "width": 30, "height": 20, "count": 1, "dtype": "float32", **place}
+    with rasterio.open(folder / "dem.tif", "w", **profile) as file:
+        file.write(np.arange(600, dtype=np.float32).reshape(1, 20, 30))
     return {}
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+RASTERS = (".tif", ".tiff")
 _USD = ("warpvis.io.usd:read_usd", "a USD stage")
 
 _SDF = "warpvis.io.sdf:read_sdf"
@@ -16,6 +17,7 @@ SCENE_READERS = {
     ".urdf": ("warpvis.io._models:read_model_file", "a model"),
     ".xacro": ("warpvis.io.urdf:read_urdf", "a model"),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), _USD),
+    **dict.fromkeys(RASTERS, ("warpvis.io.datasets._terrain:read_terrain", "a raster of elevations")),
     ".json": ("warpvis.io.datasets._habitat:read_habitat", "a scene of a Habitat dataset"),
     ".sdf": (_SDF, "an SDF file"),
     ".world": (_SDF, "an SDF file"),

@@ -23,7 +23,7 @@ from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.io._meshes import read_mesh_file
-from warpvis.io._readers import MODEL_CONFIG, SCENE_READERS
+from warpvis.io._readers import MODEL_CONFIG, RASTERS, SCENE_READERS
 from warpvis.scene import Y_UP_TO_Z_UP, Axis, FileParts, SceneObject
 from warpvis.scene.lights import HEADLIGHT
 
@@ -54,7 +54,7 @@ def read_parts(
     if missing is not None:
         raise FileFormatError(f"{missing}: search_path must be folders, and this is not one")
     reader, content = SCENE_READERS.get(path.suffix.lower(), ("", "a mesh"))
-    require_content(path, content)
+    require_content(path, content, images=path.suffix.lower() not in RASTERS)
     if reader:
         module, _, function = reader.partition(":")
         return getattr(import_module(module), function)(path, search_path=search_folders, strict=strict)
