@@ -163,10 +163,46 @@ def test_backgrounds_without_direct_light(tmp_path):
     scene = load(tmp_path, text + SHAPE % ("a", "PBRAppearance { }"))
     assert [light.kind for light in scene.lights] == ["ambient"]
     scene = load(
-        tmp_path, "TexturedBackground { skybox FALSE skyColor [ 0 0.5 1 ] }" + SHAPE % ("a", "PBRAppearance { }")
+        tmp_path,
+        "TexturedBackground { skybox FALSE reflections FALSE skyColor [ 0 0.5 1 ] }"
+        + SHAPE % ("a", "PBRAppearance { }"),
     )
     assert scene.background.color == (0, 0.5, 1)
     np.testing.assert_allclose(scene.lights[0].ambient, linear_color((0, 0.5, 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fields", "light"),
+    [
+        ('texture "factory"', (0.75, 0.75, 0.72)),
+        ('texture "factory" skybox FALSE luminosity 2', (1.5, 1.5, 1.44)),
+        ('texture "entrance_hall" skybox FALSE luminosity 0.5', (0.625, 0.525, 0.39)),
+        ('texture "mountains" skybox FALSE', linear_color((0.58, 0.63, 0.68))),
+        ('texture "noon_park_empty"', linear_color((0.58, 0.63, 0.68))),
+        ('texture "dusk" skybox FALSE', linear_color((0.5, 0.44, 0.42))),
+        ('texture "noon_sunny_empty" skybox FALSE skyColor [ 0 0 0.5 ]', linear_color((0, 0, 0.5))),
+        ("skybox FALSE reflections FALSE skyColor [ 0 0 0.5 ]", linear_color((0, 0, 0.5))),
+    ],
+)
+def test_light_of_a_background_without_images(tmp_path, fields, light):
+    """Irradiance images light surfaces also without a sky; without reflections, the color of the sky does."""
+    scene = load(tmp_path, f"TexturedBackground {{ {fields} }}" + SHAPE % ("a", "PBRAppearance { }"))
+    (ambient,) = scene.lights
+    np.testing.assert_allclose(ambient.ambient, light, rtol=1e-6)
+    assert scene.background.has_sky == ("skybox" not in fields and "factory" not in fields)
+
+
+@pytest.mark.parametrize(("system", "up"), [("ENU", (0, 0, 1)), ("NUE", (0, 1, 0))])
+@pytest.mark.parametrize("texture", ["mountains", "mars", "noon_cloudy_empty"])
+def test_sky_without_images_is_a_gradient(tmp_path, texture, system, up, device):
+    text = f'WorldInfo {{ coordinateSystem "{system}" }} TexturedBackground {{ texture "{texture}" }}\n'
+    (tmp_path / "a.wbt").write_text(HEAD + text + SHAPE % ("a", "PBRAppearance { }"))
+    scene = wv.Scene.load(tmp_path / "a.wbt", device=device)
+    camera, eye, found = wv.Camera.from_fov(3, 3, hfov=0.02), np.full(3, 9.0), []
+    for sign in (1, -1):
+        pose = wv.look_at(eye, eye + sign * np.array(up), up=np.roll(up, 1))
+        found.append(wv.render(scene, camera, pose, outputs=("color",)).color.numpy()[0, 1, 1] / 255)
+    np.testing.assert_allclose(found, [scene.background.gradient[0], scene.background.gradient[-1]], atol=0.01)
 
 
 def test_images_of_a_textured_background(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ Irradiance images, in Radiance's format, replace the Background's images as ligh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -35,6 +36,14 @@ _WORLD_TO_CUBE = {
     "y": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0)),
     "z": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0)),
 }
+
+_WORLD_TO_GRADIENT = {
+    "y": ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    "z": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+}
+
+Irradiance = tuple[Path, ...] | tuple[float, ...]
+"""Irradiance images of a background, or their mean linear color, or empty."""
 
 _NO_ATTENUATION = (1.0, 0.0, 0.0)
 _LOCATIONS = {"SpotLight": (0.0, 0.0, 10.0)}
@@ -69,13 +78,34 @@ _SKY_OF_TEXTURE = {
     "dusk": (0.5, 0.44, 0.42),
     "empty_office": (0.62, 0.6, 0.57),
     "entrance_hall": (0.55, 0.5, 0.44),
-    "factory": (0.5, 0.5, 0.48),
+    "factory": (0.6, 0.6, 0.57),
     "mars": (0.68, 0.55, 0.43),
-    "music_hall": (0.42, 0.34, 0.28),
+    "music_hall": (0.5, 0.46, 0.41),
     "noon_stormy_empty": (0.45, 0.48, 0.52),
     "twilight_cloudy_empty": (0.55, 0.48, 0.48),
 }
 _NOON = (0.58, 0.63, 0.68)
+# Colors of their sky from straight up to straight down (sRGB), estimated by eye; textures of rooms have one color.
+_GRADIENTS = {
+    "dusk": ((0.3, 0.35, 0.5), (0.45, 0.45, 0.52), (0.75, 0.55, 0.42), (0.3, 0.26, 0.23), (0.27, 0.24, 0.21)),
+    "mars": ((0.68, 0.55, 0.43), (0.7, 0.56, 0.43), (0.74, 0.58, 0.43), (0.56, 0.38, 0.26), (0.52, 0.35, 0.24)),
+    "mountains": ((0.42, 0.5, 0.68), (0.42, 0.48, 0.62), (0.36, 0.39, 0.43), (0.36, 0.36, 0.32), (0.36, 0.36, 0.32)),
+    "noon_park_empty": ((0.55, 0.68, 0.85), (0.6, 0.7, 0.8), (0.42, 0.5, 0.34), (0.4, 0.48, 0.3), (0.4, 0.48, 0.3)),
+    "noon_stormy_empty": ((0.32, 0.36, 0.42), (0.42, 0.46, 0.5), (0.58, 0.6, 0.62), (0.3, 0.31, 0.32), (0.26,) * 3),
+    **dict.fromkeys(
+        ("dawn_cloudy_empty", "morning_cloudy_empty", "twilight_cloudy_empty"),
+        ((0.4, 0.43, 0.55), (0.55, 0.5, 0.55), (0.82, 0.64, 0.5), (0.33, 0.29, 0.27), (0.3, 0.27, 0.25)),
+    ),
+}
+_NOON_GRADIENT = ((0.38, 0.55, 0.82), (0.55, 0.68, 0.85), (0.78, 0.83, 0.87), (0.45, 0.45, 0.42), (0.4, 0.4, 0.36))
+_ROOMS = ("cinema_lobby", "empty_office", "entrance_hall", "factory", "music_hall")
+# Mean linear light of irradiance images, fitted to matt surfaces in published pictures of worlds by Webots.
+_IRRADIANCE = {
+    "empty_office": (0.33, 0.33, 0.32),
+    "entrance_hall": (1.25, 1.05, 0.78),
+    "factory": (0.75, 0.75, 0.72),
+    "music_hall": (0.65, 0.6, 0.52),
+}
 # Textures for which TexturedBackground.proto has irradiance images.
 _HDR_TEXTURES = (
     *("cinema_lobby", "dusk", "empty_office", "entrance_hall", "factory", "mars", "noon_building_overcast"),
@@ -123,12 +153,31 @@ def expand_background(node: Node, up: Literal["z", "y"]) -> Node:
     return new_node(node, "DirectionalLight", fields, node.name)
 
 
+def stand_in_sky(node: Node, background: Background, up: Literal["z", "y"]) -> tuple[Background, Irradiance]:
+    """Return the background of a TexturedBackground without images, with a gradient, and an estimate of its light.
+
+    The estimate is empty if the color of the background is the best one.
+    """
+    try:
+        texture = node.text("texture", "mountains")
+        has_sky, reflects = node.flag("skybox", True), node.flag("reflections", True)
+    except WarpvisError:  # does not affect depth
+        return background, ()
+    if has_sky and texture not in _ROOMS:
+        gradient = _GRADIENTS.get(texture, _NOON_GRADIENT)
+        background = replace(background, gradient=gradient, world_to_cube=_WORLD_TO_GRADIENT[up])
+    light = _IRRADIANCE.get(texture, ())
+    if not (light or has_sky) and texture in _HDR_TEXTURES:
+        light = linear_color(_SKY_OF_TEXTURE.get(texture, _NOON))
+    return background, light if reflects else ()
+
+
 def scene_lights(
-    lights: Sequence[Light], background: Background | None, irradiance: Sequence[Path], *, is_pbr: bool
+    lights: Sequence[Light], background: Background | None, irradiance: Irradiance, *, is_pbr: bool
 ) -> tuple[Light, ...]:
     """Return the lights of a scene whose materials are PBRAppearances (`is_pbr`) or Appearances.
 
-    `irradiance` are the irradiance images of the background, or empty.
+    `irradiance` are the irradiance images of the background, an estimate of their mean linear color, or empty.
     """
     if not is_pbr:
         return tuple(lights)
@@ -139,17 +188,20 @@ def scene_lights(
     return (Light("ambient", "background", color=(0.0, 0.0, 0.0), ambient=color, color_space="linear"), *direct)
 
 
-def _mean_radiance(background: Background, irradiance: Sequence[Path]) -> tuple[float, float, float]:
+def _mean_radiance(background: Background, irradiance: Irradiance) -> tuple[float, float, float]:
     """Return the mean linear color of irradiance images, or of a background's images, times its luminosity.
 
     Without readable images, it is that of the background's color.
     """
     color = np.array(linear_color(background.color))
     try:
-        light = [read_light(file).mean(axis=(0, 1), dtype=np.float64) for file in irradiance]
+        files = [item for item in irradiance if isinstance(item, Path)]
+        light = [read_light(file).mean(axis=(0, 1), dtype=np.float64) for file in files]
     except FileFormatError:
         light = []
-    if light:
+    if irradiance and not files:
+        color = np.array(irradiance, dtype=np.float64)
+    elif light:
         color = np.mean(light, axis=0)
     elif background.sky:
         try:

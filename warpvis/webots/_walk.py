@@ -26,7 +26,15 @@ from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
 from warpvis.webots._lidars import Lidar, read_lidar
-from warpvis.webots._lights import LIGHTS, expand_background, find_irradiance, read_background, read_lights
+from warpvis.webots._lights import (
+    LIGHTS,
+    Irradiance,
+    expand_background,
+    find_irradiance,
+    read_background,
+    read_lights,
+    stand_in_sky,
+)
 from warpvis.webots._nodes import Node, Transform, nodes_in
 from warpvis.webots._parts import (
     JOINTS,
@@ -84,7 +92,7 @@ class Reader:
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
         self.lights: list[Light] = []
         self.background: Background | None = None
-        self.irradiance: tuple[Path, ...] = ()
+        self.irradiance: Irradiance = ()
         self.materials: Counter[str] = Counter()
         """Number of shapes with an Appearance, and with a PBRAppearance or a PROTO of one."""
         self.skipped: Counter[str] = Counter()
@@ -143,6 +151,8 @@ class Reader:
             if lit.type == "Background" and self.background is None:
                 self.background = read_background(lit, self.up, self.find_mesh)
                 self.irradiance = find_irradiance(lit, self.find_mesh)
+                if lit is not node and self.background and not self.background.sky and not self.irradiance:
+                    self.background, self.irradiance = stand_in_sky(node, self.background, self.up)
             return ()
         if node.type in ("Shape", "CadShape"):
             self._add_shape(step)

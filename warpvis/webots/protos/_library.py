@@ -5,8 +5,8 @@
 Numbers of appearances (colors without a texture, roughness, metalness, default factors) are those of the PROTO files in
 projects/appearances/protos. Colors of textures are estimates of their means: measured on public copies of the images
 (chequered parquetry, light asphalt, red bricks), otherwise by eye. Colors of objects are the defaults of their PROTO
-files and of Webots' user guide (https://cyberbotics.com/doc/guide, the pages of objects), or of the pictures there,
-divided by the light in them.
+files and of Webots' user guide (https://cyberbotics.com/doc/guide, the pages of objects), or of pictures there and
+of worlds, divided by the light in them.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FINISHES: dict[str, Finish] = {
     "Asphalt": Finish((0.3, 0.3, 0.3)),
     "BakelitePlastic": Finish((0.36, 0.12, 0.1), 0.4),
     "BeigeMarble": Finish((0.8, 0.74, 0.65), 0.3),
-    "BlanketFabric": Finish((0.5, 0.45, 0.4)),
+    "BlanketFabric": Finish((0.78, 0.78, 0.77)),
     "BrushedAluminium": Finish((0.78, 0.78, 0.79), 0.4, 1.0),
     "BrushedSteel": Finish((0.62, 0.62, 0.62), 0.4, 1.0),
     "CarLeather": Finish(_DARK, 0.6),
@@ -104,7 +104,7 @@ FINISHES: dict[str, Finish] = {
     "Roughcast": Finish(WHITE),
     "RoughConcrete": Finish(_CONCRETE),
     "RoughOak": Finish((0.55, 0.42, 0.28)),
-    "RoughPine": Finish((0.7, 0.53, 0.34)),
+    "RoughPine": Finish((0.75, 0.6, 0.4)),
     "RoughPolymer": Finish(WHITE, 0.7),
     "Rubber": Finish(_DARK),
     "RusticVeneerWood": Finish((0.5, 0.36, 0.24), 0.6),
@@ -241,7 +241,7 @@ OBJECTS: dict[str, str | Color] = {
     "TrafficCone": (0.9, 0.42, 0.06),
     "TurtleBot3Burger": _DARK,
     "Wall": "Roughcast",
-    "WoodenBox": "RoughPine",
+    "WoodenBox": (0.34, 0.25, 0.17),
     "WoodenChair": "VarnishedPine",
     "WoodenPallet": "RoughPine",
     "WoodenPalletStack": "RoughPine",
