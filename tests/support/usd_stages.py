@@ -40,3 +40,40 @@ def write(folder: Path, text: str, name: str = "stage.usda", header: str = METER
 def load(folder: Path, text: str, **options: object) -> wv.Scene:
     """Write and load a stage in meters with z up."""
     return wv.Scene.load(write(folder, text), **options)
+
+
+def textured(image: str, surface: str = "", texture: str = "", uv: str = "st") -> str:
+    """Return the text of a square whose UsdPreviewSurface has an image as its color."""
+    return f"""
+def Mesh "square" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{{SQUARE}
+    texCoord2f[] primvars:{uv} = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "vertex")
+    rel material:binding = </Wood>
+}}
+def Material "Wood"
+{{
+    token outputs:surface.connect = </Wood/Surface.outputs:surface>
+    def Shader "Surface"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Wood/Image.outputs:rgb>
+        {surface}
+        token outputs:surface
+    }}
+    def Shader "Image"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{image}@
+        float2 inputs:st.connect = </Wood/Coordinates.outputs:result>
+        {texture}
+        float3 outputs:rgb
+        float outputs:a
+    }}
+    def Shader "Coordinates"
+    {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "{uv}"
+        float2 outputs:result
+    }}
+}}
+"""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from pxr import Ar
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.user_warnings import warn_user
 from warpvis.io.usd._materials import MaterialSource, PrimvarSource, TextureSource, UvSource
-from warpvis.io.usd._meshes import Geometry, face_normals, smooth_normals
+from warpvis.io.usd._meshes import Geometry, digest, face_normals, smooth_normals
 from warpvis.scene.materials import Appearance, ColorSpace, Material, MaterialMap, Texture
 from warpvis.scene.normals import have_direction
 
@@ -48,6 +48,16 @@ class Surface:
     """Index of each polygon's material; None if all have the first."""
     primvars: dict[str, Primvar] = field(default_factory=dict)
     """`displayColor`, `displayOpacity`, `normals`, and those that materials use."""
+    textures: dict[Any, Texture | None] = field(default_factory=dict, repr=False)
+    """Textures of the stage, which meshes share."""
+
+    @property
+    def content(self) -> tuple[Any, ...]:
+        """A key that is equal for equal surfaces."""
+        arrays = {name: (item.interpolation, digest(item.values)) for name, item in self.primvars.items()}
+        polygons = b"" if self.polygon_materials is None else digest(self.polygon_materials)
+        materials = tuple(None if item is None else item.content for item in self.materials)
+        return self.double_sided, materials, polygons, tuple(sorted(arrays.items()))
 
     def appearance(self, geometry: Geometry) -> Appearance | None:
         """Build the appearance; warn of arrays that do not fit, and leave them out."""
@@ -179,7 +189,7 @@ class _Builder:
             source.name.rpartition("/")[2],
             (*(float(np.clip(value, 0, 1)) for value in color), float(np.clip(alpha, 0, 1))),  # type: ignore[arg-type]
             "linear",
-            _color_texture(diffuse, opacity),
+            self._shared(_color_texture, diffuse, opacity),
             mode,  # type: ignore[arg-type]
             alpha_cutoff=threshold if threshold > 0 else 0.5,
             metallic=1.0 if metal else float(np.clip(source.number("metallic", 0.0), 0, 1)),
@@ -187,12 +197,21 @@ class _Builder:
             emission=tuple(max(0.0, value) for value in emission),  # type: ignore[arg-type]
             double_sided=self._surface.double_sided,
             shading="pbr",
-            metallic_roughness_texture=_packed(rough, metal),
-            normal_texture=None if normal is None else _texture(normal, "linear"),
+            metallic_roughness_texture=self._shared(_packed, rough, metal),
+            normal_texture=self._shared(_texture, normal, "linear"),
             normal_scale=1.0 if normal is None else normal.scale[0] / 2 or 1.0,
-            occlusion_texture=None if occlusion is None else _single(occlusion),
-            emissive_texture=None if emissive is None else _texture(emissive, "srgb"),
+            occlusion_texture=self._shared(_single, occlusion),
+            emissive_texture=self._shared(_texture, emissive, "srgb"),
         )
+
+    def _shared(self, make: Callable[..., Texture | None], *sources: TextureSource | str | None) -> Texture | None:
+        """Return a texture of sources, which is the same for all meshes; None if there are none."""
+        if all(source is None or isinstance(source, str) for source in sources):
+            return None
+        key, known = (make.__name__, *sources), self._surface.textures
+        if key not in known:
+            known[key] = make(*sources)
+        return known[key]
 
     def _plain(self) -> Material:
         """Return the material of polygons without one, which has the constant color of primvars."""

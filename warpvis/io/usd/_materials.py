@@ -80,6 +80,11 @@ class MaterialSource:
     notes: list[str] = field(default_factory=list)
     """What is not read, as parts of a sentence."""
 
+    @property
+    def content(self) -> tuple[tuple[str, Value], ...]:
+        """A key that is equal for equal materials."""
+        return tuple(sorted(self.inputs.items(), key=lambda item: item[0]))
+
     def number(self, name: str, default: float) -> float:
         """Return a constant input, or the default if it is not constant."""
         value = self.inputs.get(name)

@@ -16,7 +16,7 @@ from pxr import UsdGeom
 from warpvis.io.usd import _round_shapes as round_shapes
 from warpvis.scene.normals import have_direction
 
-_AXES = {"X": [1, 2, 0], "Y": [2, 0, 1], "Z": [0, 1, 2]}
+_AXES = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}
 """Columns of x, y and z of a shape about z, in the frame of a shape about each axis."""
 
 
@@ -95,7 +95,7 @@ def _mesh(prim: Any, time: Any) -> Geometry | None:
     if not len(corners):
         return None
     is_smooth = mesh.GetSubdivisionSchemeAttr().Get(time) != "none"
-    key = _digest(vertices, indices, counts, corners[:1], holes, np.array(is_smooth))
+    key = digest(vertices, indices, counts, corners[:1], holes, np.array(is_smooth))
     faces, count = indices[corners], len(counts)
     return Geometry(vertices, faces, polygons, corners, count, len(indices), is_smooth=is_smooth, key=key)
 
@@ -131,7 +131,7 @@ def _simple(shape: _Shape) -> Geometry:
     vertices, faces, normals = shape
     count = len(faces)
     corners = np.arange(3 * count).reshape(-1, 3)
-    key = _digest(vertices, faces, np.array(normals is None))
+    key = digest(vertices, faces, np.array(normals is None))
     return Geometry(vertices, faces, np.arange(count), corners, count, 3 * count, normals=normals, key=key)
 
 
@@ -199,13 +199,13 @@ def _whole(attribute: Any, time: Any) -> NDArray[np.int64]:
     return np.zeros(0, dtype=np.int64) if value is None else np.array(value, dtype=np.int64)
 
 
-def _digest(*arrays: NDArray[Any]) -> bytes:
+def digest(*arrays: NDArray[Any]) -> bytes:
     """Return a key that is equal for equal arrays."""
-    digest = hashlib.blake2b(digest_size=16)
+    found = hashlib.blake2b(digest_size=16)
     for array in arrays:
-        digest.update(str(array.shape).encode())
-        digest.update(array.tobytes())
-    return digest.digest()
+        found.update(f"{array.dtype}{array.shape}".encode())
+        found.update(array.tobytes())
+    return found.digest()
 
 
 def _check_indices(indices: NDArray[np.integer], count: int, subject: str) -> None:

@@ -61,6 +61,9 @@ class _Reader:
         self._surfaces: dict[Any, LazyAppearance] = {}
         self._sized: dict[Any, tuple[_Mesh, NDArray[np.float64]]] = {}
         self._shown: dict[Any, LazyAppearance] = {}
+        self._textures: dict[Any, Any] = {}
+        self._equal_materials: dict[Any, MaterialSource] = {}
+        self._equal_surfaces: dict[Any, LazyAppearance] = {}
         self._corners = 0
         self._empty: list[str] = []
 
@@ -184,7 +187,8 @@ class _Reader:
         source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         path = str(source.GetPath())
         if path not in self._materials:
-            self._materials[path] = read_material(material, self._time)
+            found = read_material(material, self._time)
+            self._materials[path] = self._equal_materials.setdefault(found.content, found)
         return path
 
     def _appearance(
@@ -202,8 +206,9 @@ class _Reader:
         if key not in self._surfaces:
             surface = self._surface(place, shape, subsets, chosen)
             has_colors = any(chosen) or "displayColor" in surface.primvars
-            self._surfaces[key] = LazyAppearance(partial(surface.appearance, shape), has_colors=has_colors)
-        sized = *key, linear.astype(np.float32).tobytes()
+            lazy = LazyAppearance(partial(surface.appearance, shape), has_colors=has_colors)
+            self._surfaces[key] = self._equal_surfaces.setdefault((shape.key, surface.content), lazy)
+        sized = id(self._surfaces[key]), linear.astype(np.float32).tobytes()
         if sized not in self._shown:
             is_similar = np.array_equal(linear, np.eye(3) * linear[0, 0]) and linear[0, 0] > 0
             found = self._surfaces[key]
@@ -231,6 +236,7 @@ class _Reader:
             materials,
             polygons if len(used) > 1 else None,
             self._primvars(prim, needed_primvars(materials)),
+            self._textures,
         )
 
     def _primvars(self, prim: Any, names: set[str]) -> dict[str, Primvar]:

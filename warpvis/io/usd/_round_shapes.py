@@ -41,19 +41,19 @@ def frustum(bottom: float, top: float, height: float) -> _Shape:
 
 
 def capsule(bottom: float, top: float, height: float) -> _Shape:
-    """Create the convex hull of two spheres with centers at ``-height / 2`` and ``height / 2`` on z."""
-    ratio = (bottom - top) / height if height > 0 else 0.0
-    if abs(ratio) >= 1 or (height == 0 and bottom != top):  # one sphere contains the other
-        largest = max(bottom, top)
-        center = height / 2 if top > bottom else -height / 2
-        vertices, faces, normals = capsule(largest, largest, 0.0)
-        return vertices + (0.0, 0.0, center), faces, normals
-    tangent = math.asin(ratio)
+    """Create a frustum about z as `frustum` does, with parts of spheres at its ends that are tangent to its side."""
+    slope = math.atan2(bottom - top, height)
+    cosine, half = math.cos(slope), height / 2
+    if cosine < 1e-9:  # a disk
+        return frustum(bottom, top, height)
     steps = _SLICES // 2
-    lower = np.linspace(-math.pi / 2, tangent, max(2, math.ceil(steps * (tangent + math.pi / 2) / math.pi)) + 1)
-    upper = np.linspace(tangent, math.pi / 2, max(2, math.ceil(steps * (math.pi / 2 - tangent) / math.pi)) + 1)
-    profile = [(bottom * math.cos(a), bottom * math.sin(a) - height / 2, a) for a in lower]
-    profile += [(top * math.cos(a), top * math.sin(a) + height / 2, a) for a in upper[int(height == 0) :]]
+    lower = np.linspace(-math.pi / 2, slope, max(2, math.ceil(steps * (slope / math.pi + 0.5))) + 1)
+    upper = np.linspace(slope, math.pi / 2, max(2, math.ceil(steps * (0.5 - slope / math.pi))) + 1)
+    profile = []
+    for radius, end, angles in ((bottom, -half, lower), (top, half, upper[int(height == 0) :])):
+        center = end - radius * math.tan(slope)
+        profile += [(radius / cosine * math.cos(a), center + radius / cosine * math.sin(a), a) for a in angles.tolist()]
+    profile[0], profile[-1] = (0.0, *profile[0][1:]), (0.0, *profile[-1][1:])  # cos(pi / 2) is not exactly 0
     return _revolve(profile)
 
 
