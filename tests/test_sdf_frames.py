@@ -182,6 +182,20 @@ def test_urdf_in_an_include(tmp_path):
     assert np.allclose(item.vertices.mean(axis=0), (2, 0, 1))
 
 
+def test_include_outside_of_worlds(tmp_path):
+    model_folder(tmp_path, "table", model(BOX_LINK, "table"))
+    text = '<sdf version="1.9"><include><uri>model://table</uri><pose>1 0 0 0 0 0</pose></include></sdf>'
+    part = only(read(tmp_path, text))
+    assert part.name == "table::l::v" and part.pose[0] == 1
+
+
+def test_unreadable_includes_are_skipped(tmp_path):
+    write(tmp_path, "<sdf", "broken/model.sdf")
+    path = write(tmp_path, world(f'<model name="m">{BOX_LINK}</model><include><uri>model://broken</uri></include>'))
+    with pytest.warns(UserWarning, match="model://broken .*cannot be read as XML"):
+        assert len(wv.Scene.load(path)) == 1
+
+
 def test_names_of_repeated_models_are_unique(tmp_path):
     found = read(tmp_path, world(f'<model name="m">{BOX_LINK}</model>' * 3, version="1.6"))
-    assert [part.name for part in found.parts] == ["m::l::v", "m::l::v_1", "m::l::v_2"]
+    assert [part.name for part in found.parts] == ["m::l::v", "m_1::l::v", "m_2::l::v"]

@@ -16,7 +16,7 @@ import numpy as np
 from warpvis.core.checks import truncate
 from warpvis.core.poses import poses_to_opencv
 from warpvis.io.sdf._scopes import Frame, Matrix, Scope, joint_link
-from warpvis.io.sdf._xml import Node
+from warpvis.io.sdf._xml import Node, parse_numbers
 from warpvis.scene.joints import Joint, JointTree, Mimic
 
 WORLD = "world"
@@ -47,6 +47,7 @@ class Joints:
     """Names of links of models with joints."""
     notes: list[str] = field(default_factory=list)
     _parents: dict[str, str] = field(default_factory=dict)
+    _names: set[str] = field(default_factory=set)
 
     def tree(self) -> JointTree:
         """Return the tree of all joints."""
@@ -100,6 +101,10 @@ class Joints:
         if child == WORLD or parent not in poses or child not in poses:
             self.notes.append(f"joint {truncate(name)!r} is ignored: its links are not movable links of its model")
             return
+        if name in self._names:
+            self.notes.append(f"joint {truncate(name)!r} is ignored: its name is taken")
+            return
+        self._names.add(name)
         if child in self._parents or self._is_below(parent, child):
             self.notes.append(f"joint {truncate(name)!r} is ignored: it closes a loop")
             return
@@ -141,15 +146,15 @@ class _Axis:
         xyz = axis.child("xyz")
         self._direction = np.array(axis.numbers("xyz", (0.0, 0.0, 1.0)))
         if not self._direction.any():
-            (xyz or axis).fail("must be an axis other than 0")
+            axis.nearest("xyz").fail("must be an axis other than 0")
         base = "" if xyz is None else xyz.get("expressed_in", "").strip()
         own = model.frame_pose(frame)[:3, :3]
         if base:
-            self._direction = own.T @ model.resolve(base, xyz or axis)[:3, :3] @ self._direction
+            self._direction = own.T @ model.resolve(base, axis.nearest("xyz"))[:3, :3] @ self._direction
         elif axis.flag("use_parent_model_frame", model.version < _AXES_OF_MODEL):
             self._direction = own.T @ self._direction
-        limits = axis.number("limit/lower", -1e16), axis.number("limit/upper", 1e16)
-        self._limits = (limits[0], limits[1]) if limits[0] <= limits[1] else (-np.inf, np.inf)
+        lower, upper = _limit(axis, "limit/lower", -np.inf), _limit(axis, "limit/upper", np.inf)
+        self._limits = (lower, upper) if lower <= upper else (-np.inf, np.inf)
         mimic = axis.child("mimic")
         if mimic is not None:
             multiplier = mimic.number("multiplier", 1.0)
@@ -168,6 +173,11 @@ class _Axis:
         """Return arguments of `Joint`."""
         limits = self._limits if self._is_limited else None
         return {"axis": self._direction, "limits": limits, "mimic": self._mimic}
+
+
+def _limit(axis: Node, path: str, default: float) -> float:
+    found = axis.child(path)
+    return default if found is None else parse_numbers(found, found.string(), 1, finite=False)[0]
 
 
 def _link_name(model: Scope, name: str) -> str:

@@ -16,7 +16,7 @@ from warpvis.io.sdf._xml import Node
 from warpvis.scene.lights import Background, Light
 
 _KINDS = ("point", "spot", "directional")
-_SKY = (0.5, 0.7, 0.9)
+_SKY = (0.5, 0.7, 0.9, 1.0)
 """Color of a sky."""
 _AMBIENT = (0.4, 0.4, 0.4, 1.0)
 _BACKGROUND = (0.7, 0.7, 0.7, 1.0)
@@ -39,7 +39,7 @@ def read_light(node: Node, name: str, pose: Matrix) -> Light | None:
     options: dict[str, Any] = {}
     if kind != "directional":
         constant, linear, quadratic = (
-            node.number(f"attenuation/{tag}", default, minimum=0.0)
+            max(0.0, node.number(f"attenuation/{tag}", default))
             for tag, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
         )
         attenuation = (constant, linear, quadratic)
@@ -70,17 +70,10 @@ def read_light(node: Node, name: str, pose: Matrix) -> Light | None:
         node.fail(f"is no valid light: {error}")
 
 
-def read_environment(world: Node) -> tuple[list[Light], Background, list[str]]:
-    """Return the ambient light and the background of a world, and notes on what is not shown."""
-    scene = world.child("scene")
-    color, notes = _BACKGROUND, []
-    ambient = _AMBIENT
-    if scene is not None:
-        ambient, color = scene.color("ambient") or ambient, scene.color("background") or color
-        if scene.child("sky") is not None:
-            color = (*_SKY, 1.0)
-            notes.append("a sky is a color")
-        if scene.child("fog") is not None:
-            notes.append("fog is not shown")
-    light = Light("ambient", "ambient", ambient=ambient[:3], color=(0.0, 0.0, 0.0))
-    return [light], Background(color[:3]), notes
+def read_environment(world: Node) -> tuple[Light, Background]:
+    """Return the ambient light and the background of a world."""
+    ambient, color = world.color("scene/ambient"), world.color("scene/background")
+    if world.child("scene/sky") is not None:
+        color = _SKY
+    light = Light("ambient", "ambient", ambient=(ambient or _AMBIENT)[:3], color=(0.0, 0.0, 0.0))
+    return light, Background((color or _BACKGROUND)[:3])

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,11 +47,17 @@ class Document:
 
     def parse(self, path: Path) -> tuple[Node, tuple[int, int]]:
         """Return the root of an SDF file, and its version."""
+        root = self._root(path)
+        return root, require_sdf(root)
+
+    def _root(self, path: Path) -> Node:
+        """Return the root of an XML file, which is parsed once; raise an error unless it is SDF or URDF."""
         key = path.resolve()
         if key not in self._parsed:
             self._parsed[key] = parse_file(path)
-        root = self._parsed[key]
-        return root, require_sdf(root)
+        if self._parsed[key].tag != "robot":
+            require_sdf(self._parsed[key])
+        return self._parsed[key]
 
     def read_world(self, node: Node, version: tuple[int, int]) -> Scope:
         """Read a world with its includes."""
@@ -87,17 +94,26 @@ class Document:
                 case "light":
                     scope.lights.append(child)
                 case "include":
-                    self._include(child, scope)
+                    self.include(child, scope)
         for item in (*scope.links, *scope.joints, *scope.frames):
             _ = item.name  # raises an error without one
+        _number_names(scope.models)
 
-    def _include(self, node: Node, scope: Scope) -> None:
+    def include(self, node: Node, scope: Scope) -> None:
+        """Add what an element includes to a scope."""
         uri = node.string("uri")
         if not uri:
             node.fail("must have a <uri>")
-        path = self.finder.model(uri, node)
+        place = f"{truncate(uri)} ({node.path}:{node.line})"
+        try:
+            path = self.finder.model(uri, node)
+            if path is not None:
+                self._root(path)
+        except FileFormatError as error:
+            self.missing.append(f"{place}: {error}")
+            return
         if path is None:
-            self.missing.append(f"{truncate(uri)} ({node.path}:{node.line})")
+            self.missing.append(f"{place}, which was not found; search_path adds folders to search")
             return
         key = path.resolve()
         if key in self._stack or len(self._stack) >= _MAX_INCLUDES:
@@ -109,10 +125,7 @@ class Document:
             self._stack.pop()
 
     def _add_included(self, node: Node, scope: Scope, path: Path) -> None:
-        key = path.resolve()
-        if key not in self._parsed:
-            self._parsed[key] = parse_file(path)
-        root = self._parsed[key]
+        root = self._root(path)
         if root.tag == "robot":
             scope.robots.append((node, root))
             return
@@ -120,7 +133,8 @@ class Document:
         merged = (node.get("merge", "false").strip().lower()) in ("true", "1")
         content = root.children(*_CONTENT)
         if not content:
-            root.fail("must have a model, an actor, a light or a world to be included")
+            self.missing.append(f"{path}, which has no model, actor, light or world")
+            return
         first = content[0]
         if first.tag == "actor":
             scope.actors.append(_placed_copy(first, node))
@@ -148,6 +162,19 @@ class Document:
         return found
 
 
+def _number_names(models: Sequence[Scope]) -> None:
+    """Append numbers to names that repeat, as those of includes may: ``box``, ``box_1``, ..."""
+    taken = {model.name for model in models}
+    seen: set[str] = set()
+    for model in models:
+        name = model.name
+        if name in seen:
+            numbered = (f"{name}_{number}" for number in itertools.count(1))
+            model.name = next(candidate for candidate in numbered if candidate not in taken)
+        taken.add(model.name)
+        seen.add(model.name)
+
+
 def _placed_copy(node: Node, include: Node) -> Node:
     """Return a light or an actor with the name and the pose of the element that includes it."""
     copy = Node(node.tag, dict(node.attrib))
@@ -168,8 +195,11 @@ def load_document(path: Path, search_path: Sequence[Path]) -> Document:
     found = Document(path, Finder(path, search_path))
     root, version = found.parse(path)
     found._stack.append(path.resolve())
-    for child in root.children(*_CONTENT):
+    top = Scope(root, "", version)  # an include outside of worlds
+    for child in root.children(*_CONTENT, "include"):
         match child.tag:
+            case "include":
+                found.include(child, top)
             case "world":
                 found.worlds.append(found.read_world(child, version))
             case "model":
@@ -178,6 +208,8 @@ def load_document(path: Path, search_path: Sequence[Path]) -> Document:
                 found.actors.append(child)
             case "light":
                 found.lights.append(child)
+    if top.models or top.robots or found.missing:
+        found.models.append(top)
     if not (found.worlds or found.models or found.actors or found.lights):
         raise FileFormatError(f"{path}:{root.line}: must have a <world>, a <model>, an <actor> or a <light>")
     return found

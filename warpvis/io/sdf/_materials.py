@@ -112,7 +112,11 @@ class Materials:
             return None
         named = self._script_material(node)
         found = self._with_colors(node, named or Material("sdf"))
-        if named is None and node.child("pbr") is None and not any(node.child(tag) for tag in ("diffuse", "ambient")):
+        if (
+            named is None
+            and node.child("pbr") is None
+            and all(node.child(tag) is None for tag in ("diffuse", "ambient"))
+        ):
             found = replace(found, base_color=DEFAULT.base_color)
         found = self._with_maps(node, found)
         alpha = found.base_color[3]

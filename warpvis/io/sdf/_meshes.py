@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,20 +57,21 @@ class Shapes:
     warnings: dict[str, None] = field(default_factory=dict)
     """Warnings of the readers of mesh files."""
     _cache: dict[Any, list[Piece]] = field(default_factory=dict)
+    _nodes: dict[Path, dict[str, list[str]]] = field(default_factory=dict)
 
     def pieces(self, geometry: Node) -> list[Piece]:
         """Return the parts of a ``<geometry>``; none, with a note in `skipped`, if it cannot be read."""
         shapes = geometry.children(*SHAPES)
         if not shapes:
             if geometry.children():
-                self._skip(f"<{truncate(geometry.children()[0].tag)}>", geometry, "is no known geometry")
+                self.skip(f"<{truncate(geometry.children()[0].tag)}>", geometry, "is no known geometry")
             return []
         shape = shapes[0]
         match shape.tag:
             case "empty":
                 return []
             case "image":
-                self._skip("<image>", shape, "is not supported; use a heightmap or a mesh")
+                self.skip("<image>", shape, "is not supported; use a heightmap or a mesh")
                 return []
             case "mesh":
                 return self._file_pieces(shape)
@@ -84,7 +86,8 @@ class Shapes:
             self._cache[key] = make()
         return self._cache[key]
 
-    def _skip(self, subject: str, node: Node, reason: str) -> None:
+    def skip(self, subject: str, node: Node, reason: str) -> None:
+        """Note what is not read, and why; raise an error if `strict` is set."""
         message = f"{subject} ({node.path}:{node.line}), which {reason}"
         if self.strict:
             raise FileFormatError(f"{node.path}:{node.line}: {subject} {reason}")
@@ -96,7 +99,7 @@ class Shapes:
             shape.fail("must have a <uri>")
         path = self.finder.file(uri, shape)
         if path is None:
-            self._skip(truncate(uri), shape, "was not found; search_path adds folders to search")
+            self.skip(truncate(uri), shape, "was not found; search_path adds folders to search")
         return path
 
     def _terrain(self, shape: Node) -> list[Piece]:
@@ -122,12 +125,30 @@ class Shapes:
         center = shape.flag("submesh/center", False)
         parts = self.mesh_parts(path)
         if submesh and parts:
-            chosen = [part for part in parts if is_submesh(part.name, submesh)]
+            names = {submesh, *self._collada_names(path).get(submesh, ())}
+            chosen = [part for part in parts if any(_is_part(part.name, name) for name in names)]
             if not chosen:
                 known = ", ".join(truncate(part.name) for part in parts[:5])
-                self._skip(f"submesh {truncate(submesh)!r} of {path}", shape, f"has {known}")
+                self.skip(f"submesh {truncate(submesh)!r} of {path}", shape, f"has {known}")
             parts = chosen
         return self._shared((path, scale, submesh, center), lambda: _placed(parts, scale, center=center))
+
+    def _collada_names(self, path: Path) -> dict[str, list[str]]:
+        """Return the identifiers of meshes in a COLLADA file by the names of their nodes, which Gazebo uses."""
+        if path.suffix.lower() != ".dae":
+            return {}
+        if path not in self._nodes:
+            found: dict[str, list[str]] = {}
+            for node in ElementTree.parse(path).iter():
+                tag = node.tag.rpartition("}")[2]
+                if tag == "node":
+                    links = [item.get("url", "")[1:] for item in node if item.tag.endswith("}instance_geometry")]
+                    for key in (node.get("name", ""), node.get("id", "")):
+                        found.setdefault(key, []).extend(links)
+                elif tag == "geometry" and node.get("name"):
+                    found.setdefault(node.get("name", ""), []).append(node.get("id", ""))
+            self._nodes[path] = found
+        return self._nodes[path]
 
     def scaled(self, path: Path, scale: tuple[float, ...]) -> list[Piece]:
         """Return the parts of a mesh file, scaled."""
@@ -160,9 +181,10 @@ class Shapes:
         return self._cache[key]
 
 
-def is_submesh(part: str, name: str) -> bool:
-    """Return whether the part of a mesh file is of a submesh: a part may have a number or another suffix."""
-    return part == name or part.removesuffix("-mesh") == name or part.rpartition("_")[0] == name
+def _is_part(part: str, name: str) -> bool:
+    """Return whether a part of a mesh file has a name, with or without a number."""
+    head, _, number = part.rpartition("_")
+    return part == name or (head == name and number.isdigit())
 
 
 def _matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -84,11 +84,12 @@ class _Reader:
         lights: list[Light] = []
         background = None
         for scope in document.scopes:
-            if scope.is_world:
-                environment, background, notes = read_environment(scope.node)
-                lights += environment
-                self.notes.update(dict.fromkeys(notes))
+            if scope.node.tag == "world":
+                ambient, background = read_environment(scope.node)
+                lights.append(ambient)
                 self._note_world(scope.node)
+            if scope.joints and scope.is_world:  # they connect models
+                self.joints.add_model(list(scope.all_models()))
             for top in scope.models if scope.is_world else [scope]:
                 self._read_model(top)
             for model in scope.all_models():
@@ -122,7 +123,7 @@ class _Reader:
     def _warnings(self) -> list[str]:
         path = self.document.path
         skipped = [
-            *(f"{uri}, which was not found; search_path adds folders to search" for uri in self.document.missing),
+            *self.document.missing,
             *self.shapes.skipped,
         ]
         sentences = []
@@ -148,7 +149,8 @@ class _Reader:
         links = [(model, link) for model in models for link in model.links]
         tag = "visual" if any(link.node.child("visual") is not None for _, link in links) else "collision"
         is_robot = _robot_joints(models) and any(map(_is_active, models))
-        self.joints.add_model(models)
+        if top.parent is None or not top.parent.joints:
+            self.joints.add_model(models)
         for model, link in links:
             pose = model.world_pose() @ model.frame_pose(link)
             self._read_link(_Link(link, pose, model.moves, top, tag), is_robot=is_robot)
@@ -160,7 +162,8 @@ class _Reader:
         for element in elements:
             geometry = element.child("geometry")
             if geometry is None:
-                element.fail("must have a <geometry>")
+                self.shapes.skip(f"<{tag}>", element, "has no <geometry>")
+                continue
             pieces = self.shapes.pieces(geometry)
             placed = scope.element_pose(element, link.frame)
             described += [

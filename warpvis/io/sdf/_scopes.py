@@ -76,8 +76,8 @@ class Scope:
 
     @property
     def is_world(self) -> bool:
-        """Whether it is a world, and not a model."""
-        return self.node.tag == "world"
+        """Whether it is a world, or the root of a file, and not a model."""
+        return self.node.tag in ("world", "sdf", "gazebo")
 
     @property
     def prefix(self) -> str:

@@ -170,7 +170,7 @@ def _wide_camera(node: Node) -> Rays:
     elif kind in _LENSES:
         (c1, c2, function), c3 = _LENSES[kind], 0.0
     else:
-        (node.child("lens/type") or node).fail(f"must be {', '.join(_LENSES)} or custom, got {truncate(kind)!r}")
+        node.nearest("lens/type").fail(f"must be {', '.join(_LENSES)} or custom, got {truncate(kind)!r}")
     if function not in _INVERSES:
         node.fail(f"must have a lens with fun {', '.join(_INVERSES)}, got {truncate(function)!r}")
     hfov = node.positive("horizontal_fov", _DEFAULT_FOV)

@@ -24,6 +24,8 @@ from warpvis.errors import FileFormatError
 _MAX_DEPTH = 200
 """Maximum depth of nested elements, which limits the recursion of readers."""
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_DECLARATION = re.compile(rb"<\?xml[^>]*\?>")
+_BARE_AMPERSAND = re.compile(rb"&(?!#?\w{1,10};)")
 _TEMPLATES = (
     (b"<%", "an ERB template", "erb {0} > model.sdf"),
     (b"{%", "a Jinja template", "jinja2 {0} > model.sdf"),
@@ -59,6 +61,11 @@ class Node(ElementTree.Element):
         found = self.find(path)
         return found if isinstance(found, Node) else None
 
+    def nearest(self, path: str) -> Node:
+        """Return the first element at a path, else this one; for messages."""
+        found = self.child(path)
+        return self if found is None else found
+
     def children(self, *tags: str) -> list[Node]:
         """Return the child elements with one of the tags, in order; all of them without tags."""
         return [child for child in self if isinstance(child, Node) and (not tags or child.tag in tags)]
@@ -93,7 +100,7 @@ class Node(ElementTree.Element):
         """Return the numbers greater than 0 at a path."""
         values = self.numbers(path, default)
         if min(values) <= 0:
-            (self.child(path) or self).fail(f"must be greater than 0, got {min(values):g}")
+            self.nearest(path).fail(f"must be greater than 0, got {min(values):g}")
         return values
 
     def color(self, path: str) -> tuple[float, float, float, float] | None:
@@ -107,13 +114,16 @@ class Node(ElementTree.Element):
         return r, g, b, a
 
 
-def parse_numbers(node: Node, text: str, count: int, minimum: float = -math.inf) -> tuple[float, ...]:
-    """Parse the finite numbers of a text."""
+def parse_numbers(
+    node: Node, text: str, count: int, minimum: float = -math.inf, *, finite: bool = True
+) -> tuple[float, ...]:
+    """Parse the numbers of a text."""
     try:
         values = tuple(map(float, text.split()))
     except ValueError:
         values = ()
-    if len(values) != count or not all(math.isfinite(value) for value in values):
+    is_valid = all(math.isfinite(value) or (not finite and not math.isnan(value)) for value in values)
+    if len(values) != count or not is_valid:
         expected = "a finite number" if count == 1 else f"{count} finite numbers"
         node.fail(f"must be {expected}, got {truncate(text)!r}")
     if min(values, default=minimum) < minimum:
@@ -132,13 +142,18 @@ def parse_file(path: Path) -> Node:
     try:
         return _parse(path, content)
     except expat.ExpatError as error:
-        # Gazebo's parser accepts comments with two hyphens, which XML does not.
-        plain = _COMMENT.sub(lambda comment: b"\n" * comment[0].count(b"\n"), content)
+        plain = _as_gazebo_reads(content)
         if plain != content:
             with contextlib.suppress(expat.ExpatError):
                 return _parse(path, plain)
         reason = expat.ErrorString(error.code)
         raise FileFormatError(f"{path}:{error.lineno}: cannot be read as XML: {reason}") from None
+
+
+def _as_gazebo_reads(content: bytes) -> bytes:
+    """Return XML without what only Gazebo's parser accepts: late declarations, ``--`` in comments, a bare ``&``."""
+    plain = _COMMENT.sub(lambda comment: b"\n" * comment[0].count(b"\n"), content)
+    return _BARE_AMPERSAND.sub(b"&amp;", _DECLARATION.sub(b"", plain))
 
 
 def _parse(path: Path, content: bytes) -> Node:
