@@ -163,9 +163,25 @@ def _depth_cameras(folder):
     return {"walls": walls, "wall_camera": camera}
 
 
+_ROBOT = """<robot name="arm">
+  <link name="base"><visual><geometry><box size=".2 .2 .1"/></geometry></visual></link>
+  <link name="upper"><visual><origin xyz="0 0 .3"/><geometry><box size=".1 .1 .6"/></geometry></visual></link>
+  <link name="lower"><visual><origin xyz="0 0 .2"/><geometry><cylinder radius=".04" length=".4"/></geometry></visual>
+  </link>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 .6"/>
+    <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+def _urdf(folder):
+    (folder / "arm.urdf").write_text(_ROBOT)
+    return {}
+
+
 def _worlds(folder):
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    return {
+    return _urdf(folder) | {
         "table": trimesh.creation.box((1, 1, 0.1)),
         "gripper": trimesh.creation.box((0.2, 0.1, 0.1)),
         "finger": trimesh.creation.box((0.02, 0.02, 0.1)),

@@ -35,7 +35,7 @@ _MAX_DIGITS = 10
 Axes = Literal["opencv", "opengl", "ros_body", "ros_optical"]
 PoseFormat = Literal["tum", "npy", "npz", "csv", "parquet", "nerfstudio", "bop", "colmap", "ros"]
 
-_FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf)"
+_FILES = "A mesh file (OBJ, STL, PLY, GLB, ...), a Webots world (.wbt), MJCF (.xml) or URDF (.urdf, .xacro)"
 FILE_HELP = f"{_FILES}; or experiment_1 to experiment_4 of the demo."
 _POSES = (
     "Camera poses, camera to world: a file (TUM text, .npy, .npz, .csv, .parquet, transforms.json, scene_camera.json, "

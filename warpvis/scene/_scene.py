@@ -114,9 +114,10 @@ class Scene:
 
         Every named part of the file becomes one object, in the file's order. Its label is taken from `labels`, else
         from the file (``"label"`` in the ``extras`` of a glTF node or mesh), else it is `Label.OBSTACLE`. For Webots
-        worlds (``.wbt``), see `warpvis.webots.load_webots` about names, labels, and devices; for MJCF (``.xml``) and
-        URDF (``.urdf``), which MuJoCo compiles, `warpvis.mujoco.read_model`. A mesh file without lights gets a
-        headlight (`scene.lights.HEADLIGHT`), which affects the output ``color`` only.
+        worlds (``.wbt``), see `warpvis.webots.load_webots` about names, labels, and devices; for MJCF (``.xml``), which
+        MuJoCo compiles, `warpvis.mujoco.read_model`. Surfaces of URDF (``.urdf``, ``.xacro``) are named after their
+        links, and are `Label.ROBOT`. A mesh file or URDF without lights gets a headlight (`scene.lights.HEADLIGHT`),
+        which affects the output ``color`` only.
 
         Args:
             path: The file.

@@ -61,12 +61,17 @@ class Robot:
     skipped: list[str] = field(default_factory=list)
     """Descriptions of elements that cannot be shown, as parts of a sentence."""
     corrected: list[str] = field(default_factory=list)
-    """Sentences about other elements that were ignored, and do not affect the shown surfaces."""
+    """Sentences about values that were corrected or ignored, and that do not hide a surface."""
+
+    def note(self, sentence: str) -> None:
+        """Add a sentence about a corrected value once."""
+        if sentence not in self.corrected:
+            self.corrected.append(sentence)
 
 
 def parse_xml(path: Path, text: bytes) -> ElementTree.Element:
     """Parse an XML file; undeclared prefixes, such as those of simulators' elements, are allowed."""
-    text = text.removeprefix(b"\xef\xbb\xbf").lstrip()
+    text = text.removeprefix(b"\xef\xbb\xbf").strip(b"\0 \t\r\n")
     try:
         return ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
@@ -143,26 +148,26 @@ def _parse_material(element: ElementTree.Element, robot: Robot) -> UrdfMaterial 
             rgba = (red, green, blue, opacity[0] if opacity else 1.0)
         else:
             where = f"material {element.get('name', '')!r}"
-            robot.corrected.append(f"{where}: rgba must be four numbers, got {truncate(color.get('rgba', ''))!r}")
+            robot.note(f"{where}: rgba must be four numbers, got {truncate(color.get('rgba', ''))!r}")
     url = None if texture is None else texture.get("filename") or None
     return UrdfMaterial(rgba, url) if rgba is not None or url else None
 
 
 def _parse_visual(robot: Robot, link: str, element: ElementTree.Element) -> Visual | None:
     """Parse a visual or collision element; None if it has no surface."""
-    where = f"{robot.path}: a {element.tag} of link {link!r}"
+    where = f"a {element.tag} of link {link!r}"
     shape = next(iter(element.findall("geometry/*")), None)
     if shape is None:
         return None
     kind, url, sizes = shape.tag, "", tuple[float, ...]()
     if kind == "mesh":
         url = shape.get("filename") or shape.get("uri") or shape.get("url") or ""
-        sizes = tuple(_numbers(shape.get("scale"), f"{where}: scale", (1, 3), (1.0, 1.0, 1.0)))
+        sizes = tuple(_numbers(robot, shape.get("scale"), f"{where}: scale", (1, 3), (1.0, 1.0, 1.0)))
         sizes = sizes * 3 if len(sizes) == 1 else sizes
     elif kind == "box":
-        sizes = tuple(_numbers(shape.get("size"), f"{where}: size of its box", (3,)))
+        sizes = tuple(_numbers(robot, shape.get("size"), f"{where}: size of its box", (3,)))
     elif kind in _SIZES:
-        sizes = tuple(_numbers(shape.get(key), f"{where}: {key} of its {kind}", (1,))[0] for key in _SIZES[kind])
+        sizes = tuple(_numbers(robot, shape.get(key), f"{where}: {key} of its {kind}", (1,))[0] for key in _SIZES[kind])
     else:
         robot.skipped.append(f"a {truncate(kind)} of link {link!r}, which is no shape of URDF")
         return None
@@ -176,7 +181,7 @@ def _parse_visual(robot: Robot, link: str, element: ElementTree.Element) -> Visu
     chosen = (
         None if material is None else _parse_material(material, robot) or robot.materials.get(material.get("name", ""))
     )
-    return Visual(element.get("name", ""), link, _origin(element, where), kind, sizes, url, chosen)
+    return Visual(element.get("name", ""), link, _origin(robot, element, where), kind, sizes, url, chosen)
 
 
 def _parse_joints(robot: Robot) -> Iterator[Joint]:
@@ -190,7 +195,7 @@ def _parse_joints(robot: Robot) -> Iterator[Joint]:
         given, kind, child = element.get("name", ""), element.get("type", ""), _link_of(element, "child")
         where = f"joint {given!r}"
         if child in children:
-            robot.corrected.append(f"{where}: its child {child!r} has a joint already; this one is ignored")
+            robot.note(f"{where}: its child {child!r} has a joint already; this one is ignored")
             continue
         children.add(child)
         name = given
@@ -198,33 +203,29 @@ def _parse_joints(robot: Robot) -> Iterator[Joint]:
             name = f"{name}_1"
         names.add(name)
         if kind not in kinds:
-            robot.corrected.append(f"{where}: the type {kind!r} is not supported; it is fixed")
+            robot.note(f"{where}: the type {kind!r} is not supported; it is fixed")
             kind = "fixed"
-        axis = np.array(
-            _numbers(_child_value(element, "axis", "xyz"), f"{robot.path}: axis of {where}", (3,), (1, 0, 0))
-        )
+        axis = np.array(_numbers(robot, _child_value(element, "axis", "xyz"), f"axis of {where}", (3,), (1, 0, 0)))
         if kind not in ("fixed", "floating") and not axis.any():
-            robot.corrected.append(f"{where}: its axis is zero; it is fixed")
+            robot.note(f"{where}: its axis is zero; it is fixed")
             kind, axis = "fixed", np.array([1.0, 0, 0])
         limits = _parse_limits(robot, element, where) if kind in ("revolute", "prismatic") else None
         mimic = _parse_mimic(robot, element, where) if kind in ("revolute", "continuous", "prismatic") else None
         if mimic is not None and mimic.joint not in one_value:
-            robot.corrected.append(f"{where}: it follows {mimic.joint!r}, which is no joint with a value")
+            robot.note(f"{where}: it follows {mimic.joint!r}, which is no joint with a value")
             mimic = None
-        origin = _origin(element, f"{robot.path}: {where}")
+        origin = _origin(robot, element, where)
         yield Joint(name, kind, _link_of(element, "parent"), child, origin, axis, limits, mimic)  # type: ignore[arg-type]
 
 
 def _parse_limits(robot: Robot, element: ElementTree.Element, where: str) -> tuple[float, float] | None:
-    """Return the limits of a joint; None without a range."""
+    """Return the limits of a joint; None without a valid range."""
     found = element.find("limit")
     if found is None or (found.get("lower") is None and found.get("upper") is None):
         return None
-    lower, upper = (
-        _numbers(found.get(key), f"{robot.path}: {key} limit of {where}", (1,), (0.0,))[0] for key in ("lower", "upper")
-    )
-    if lower > upper:
-        robot.corrected.append(f"{where}: its lower limit {lower:g} exceeds the upper one {upper:g}; it is unlimited")
+    lower, upper = (_optional(robot, found, key, f"{key} limit of {where}", 0.0) for key in ("lower", "upper"))
+    if lower is None or upper is None or lower > upper:
+        robot.note(f"{where}: its limits {found.get('lower')!r} and {found.get('upper')!r} are ignored")
         return None
     return None if lower == upper == 0 else (lower, upper)
 
@@ -233,9 +234,19 @@ def _parse_mimic(robot: Robot, element: ElementTree.Element, where: str) -> Mimi
     found = element.find("mimic")
     if found is None:
         return None
-    place = f"{robot.path}: mimic of {where}"
-    factor = _numbers(found.get("multiplier"), f"{place}: multiplier", (1,), (1.0,))[0]
-    return Mimic(found.get("joint", ""), factor, _numbers(found.get("offset"), f"{place}: offset", (1,), (0.0,))[0])
+    factor, offset = _optional(robot, found, "multiplier", where, 1.0), _optional(robot, found, "offset", where, 0.0)
+    if factor is None or offset is None:
+        robot.note(f"{where}: its mimic is ignored, since its numbers are invalid")
+        return None
+    return Mimic(found.get("joint", ""), factor, offset)
+
+
+def _optional(robot: Robot, element: ElementTree.Element, key: str, what: str, otherwise: float) -> float | None:
+    """Return a number of an element; None if it is invalid."""
+    try:
+        return _numbers(robot, element.get(key), what, (1,), (otherwise,))[0]
+    except FileFormatError:
+        return None
 
 
 def _link_of(element: ElementTree.Element, tag: str) -> str:
@@ -247,13 +258,13 @@ def _child_value(element: ElementTree.Element, tag: str, key: str) -> str | None
     return None if found is None else found.get(key)
 
 
-def _origin(element: ElementTree.Element, where: str) -> NDArray[np.float64]:
+def _origin(robot: Robot, element: ElementTree.Element, where: str) -> NDArray[np.float64]:
     """Return the matrix of an ``origin``: translation, and rotations about the fixed axes x, y and z."""
     zero, matrix = (0.0, 0.0, 0.0), np.eye(4)
     found = element.find("origin")
     if found is not None:
-        matrix[:3, 3] = _numbers(found.get("xyz"), f"{where}: xyz of its origin", (3,), zero)
-        a, b, c = _numbers(found.get("rpy"), f"{where}: rpy of its origin", (3,), zero)
+        matrix[:3, 3] = _numbers(robot, found.get("xyz"), f"{where}: xyz of its origin", (3,), zero)
+        a, b, c = _numbers(robot, found.get("rpy"), f"{where}: rpy of its origin", (3,), zero)
         (sa, sb, sc), (ca, cb, cc) = np.sin([a, b, c]), np.cos([a, b, c])
         matrix[:3, :3] = [
             (cb * cc, sa * sb * cc - ca * sc, ca * sb * cc + sa * sc),
@@ -264,17 +275,24 @@ def _origin(element: ElementTree.Element, where: str) -> NDArray[np.float64]:
 
 
 def _numbers(
-    text: str | None, what: str, counts: Sequence[int], otherwise: Sequence[float] | None = None
+    robot: Robot, text: str | None, what: str, counts: Sequence[int], otherwise: Sequence[float] | None = None
 ) -> list[float]:
-    """Parse numbers separated by spaces; `otherwise` if there is no text."""
+    """Parse numbers separated by spaces or commas; `otherwise` if there is no text. Further numbers are ignored."""
     if otherwise is not None and (text is None or not text.strip()):
         return [float(value) for value in otherwise]
+    most = max(counts)
     try:
-        found = [float(word) for word in (text or "").split()]
+        found = [float(word) for word in (text or "").replace(",", " ").split()]
     except ValueError:
         found = []
+    if len(found) > most:
+        robot.note(f"{what} must be {_expected(most)}, got {truncate(text or '')!r}, of which further ones are ignored")
+        found = found[:most]
     if len(found) not in counts or not np.isfinite(found).all():
-        expected = "a number" if max(counts) == 1 else "three numbers"
         hint = "; convert xacro first" if "${" in (text or "") else ""
-        raise FileFormatError(f"{what} must be {expected}, got {truncate(text or '')!r}{hint}")
+        raise FileFormatError(f"{robot.path}: {what} must be {_expected(most)}, got {truncate(text or '')!r}{hint}")
     return found
+
+
+def _expected(count: int) -> str:
+    return "a number" if count == 1 else "three numbers"

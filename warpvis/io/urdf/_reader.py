@@ -27,6 +27,9 @@ from warpvis.scene.lights import HEADLIGHT
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import Solid
 
+_MAX_NOTES = 5
+"""Maximum number of corrected values in a warning."""
+
 _GROUND_NAMES = ("*floor*", "*ground*")
 
 # Corners of a unit box and its triangles, facing outward.
@@ -74,7 +77,10 @@ def read_urdf(path: Path, *, search_path: Sequence[Path] = (), strict: bool = Fa
     if strict and message:
         raise FileFormatError(message)
     sentences = [message] if message else []
-    sentences += [f"{path}: {sentence}" for sentence in (*robot.corrected, *appearances.warnings)]
+    notes = [*robot.corrected, *appearances.warnings]
+    if notes:
+        more = f"; and {len(notes) - _MAX_NOTES} more" if len(notes) > _MAX_NOTES else ""
+        sentences.append(f"{path}: {'; '.join(notes[:_MAX_NOTES])}{more}")
     parts = move_with_links(_parts(robot, surfaces), robot.joints)
     return FileParts(
         path,
