@@ -104,6 +104,11 @@ def data_cases(folder):
         ),
         "to_pointcloud2": (wv.io.to_pointcloud2, {"points": DEPTH, "camera": CAMERA, "colors": COLOR, **MESSAGE}),
         "to_occupancy_grid": (wv.io.to_occupancy_grid, {"grid": grid, "height": 0.0, **MESSAGE}),
+        "load_bop_scene": (
+            wv.io.load_bop_scene,
+            {"path": folder / "bop/test/000002", "image": 3, "frame": "camera", "models": folder / "bop/models"}
+            | {"device": "cpu", "movable": True},
+        ),
         "load_camera": (wv.io.load_camera, {"name_or_path": "kinect", "distortion": True}),
         "read_points": (wv.io.read_points, {"path": folder / "points.txt"}),
         "read_poses": (wv.io.read_poses, {"path": folder / "walk.txt"}),

@@ -10,10 +10,12 @@ import mujoco
 import numpy as np
 import rasterio
 import trimesh
+from PIL import Image
 
 import warpvis as wv
 from warpvis.scenes import EXPERIMENTS
 
+from support.bop_scene import write_identity
 from support.habitat import make_dataset
 from support.scans import write_scannet
 
@@ -104,6 +106,14 @@ def _sdf(folder):
     (folder / "models" / "table").mkdir()
     model = f"<sdf version='1.9'><model name='table'><link name='l'>{box}</link></model></sdf>"
     (folder / "models" / "table" / "model.sdf").write_text(model)
+    return {}
+
+
+def _bop(folder):
+    write_identity(folder / "ycbv")
+    images = folder / "ycbv/test/000002/rgb"
+    images.mkdir()
+    Image.new("RGB", (64, 48)).save(images / "000003.png")
     return {}
 
 

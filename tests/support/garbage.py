@@ -25,6 +25,8 @@ from arguments_webots import webots_cases
 
 import warpvis as wv
 
+from support.bop_scene import write_identity
+
 
 def cases(folder):
     """Return valid arguments of all public callables."""
@@ -40,6 +42,7 @@ def files_for_cases(folder):
     (folder / "out").mkdir()
     (folder / "lab.wbt").write_text(WORLD)
     (folder / "walk.txt").write_text("0 0 0 0 0 0 0 1\n")
+    write_identity(folder / "bop")
     (folder / "stage.usda").write_text('#usda 1.0\ndef Camera "eye"\n{\n}\n')
     (folder / "robot.sdf").write_text('<sdf version="1.9"><model name="m"><link name="l"/></model></sdf>')
     (folder / "box.xml").write_text('<mujoco><worldbody><geom name="ball" size="0.1"/></worldbody></mujoco>')

@@ -40,6 +40,7 @@ from warpvis.io._points import read_points, save_cloud, save_clouds
 from warpvis.io._scene_cameras import SceneCamera, read_scene_cameras
 from warpvis.io._scene_files import export_scene as export_scene, read_parts as read_parts
 from warpvis.io.cameras._files import load_camera
+from warpvis.io.datasets._bop import load_bop_scene
 from warpvis.io.poses._frames import leaves_order_open as leaves_order_open, read_frames as read_frames
 from warpvis.io.poses._tables import read_poses
 from warpvis.io.poses._tracks import Track, read_tracks
@@ -55,6 +56,7 @@ __all__ = [
     "Track",
     "from_color_msg",
     "from_image_msg",
+    "load_bop_scene",
     "load_camera",
     "read_depth",
     "read_points",

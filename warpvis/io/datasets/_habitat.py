@@ -19,6 +19,7 @@ from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.errors import FileFormatError
 from warpvis.io._meshes import unique_names
+from warpvis.io.datasets._bop import read_bop
 from warpvis.io.datasets._fields import Fields
 from warpvis.io.datasets._habitat_templates import DATASET, SCENE, Dataset, Template
 from warpvis.scene import FileParts, Part
@@ -44,6 +45,8 @@ def read_habitat(path: Path, *, search_path: Sequence[Path] = (), strict: bool =
         search_path: Folders that are searched for templates in addition to that of the dataset.
         strict: Whether instances without a template, and other unsupported content, are errors.
     """
+    if path.name.startswith("scene_gt") and not path.name.startswith("scene_gt_"):
+        return read_bop(path, search_path=search_path, strict=strict)
     if path.name.endswith(DATASET):
         count = len(list(path.parent.rglob(f"*{SCENE}")))
         raise FileFormatError(f"{path}: lists the scenes of a dataset; load one of its {count} files *{SCENE}")
