@@ -32,7 +32,7 @@ ROBOTS = {"Robot", "Supervisor", "DifferentialWheels", "CustomRobot"}
 DEVICES = {
     *("Accelerometer", "Altimeter", "Camera", "Compass", "Connector", "Display", "DistanceSensor", "Emitter", "GPS"),
     *("Gyro", "InertialUnit", "LED", "Lidar", "LightSensor", "Microphone", "Pen", "Radar", "Radio", "RangeFinder"),
-    *("Receiver", "Speaker", "TouchSensor", "VacuumGripper"),
+    *("Receiver", "Speaker", "TouchSensor", "VacuumCup", "VacuumGripper"),
 }
 SOLIDS = {"Solid", "Charger", "Servo", "Track", *ROBOTS, *DEVICES}
 TRANSFORMS = {"Transform", "Pose", "TrackWheel", "Fluid", *SOLIDS}
