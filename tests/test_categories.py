@@ -27,6 +27,7 @@ BOX = trimesh.creation.box()
         ("person", wv.Label.HUMAN),
         ("robot", wv.Label.ROBOT),
         ("coffee mug", wv.Label.OBJECT),
+        ("DiningTable", wv.Label.OBSTACLE),
         ("table lamp", wv.Label.OBSTACLE),
         ("unknown", wv.Label.OBSTACLE),
         ("", wv.Label.OBSTACLE),

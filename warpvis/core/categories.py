@@ -33,9 +33,9 @@ def label_of_category(category: str) -> Label:
     A plural has the label of its singular. ``"other"``, ``"unknown"`` and the empty word are `Label.OBSTACLE`.
 
     Args:
-        category: The class: ``"floor"``, ``"office chair"``, ``"coffee_mug"``.
+        category: The class: ``"floor"``, ``"office chair"``, ``"coffee_mug"``, ``"DiningTable"``.
     """
-    words = re.findall(r"[a-z]+", category.lower())
+    words = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", category).lower())
     for word in reversed(words):
         for form in (word, word.removesuffix("s"), word.removesuffix("es")):
             if form in _LABELS:

@@ -20,9 +20,10 @@ def read_model_file(path: Path, *, search_path: Sequence[Path], strict: bool) ->
         from warpvis.io.urdf import read_urdf
 
         return read_urdf(path, search_path=search_path, strict=strict)
+    from warpvis.io.datasets._molmospaces import with_categories
     from warpvis.mujoco import read_model
 
-    return read_model(path, search_path=search_path, strict=strict)
+    return with_categories(read_model(path, search_path=search_path, strict=strict))
 
 
 def _root_tag(path: Path) -> str:

@@ -145,5 +145,7 @@ def _find(path: Path, name: str, search_path: Sequence[Path], folders: Sequence[
     if any(is_file(path.parent / folder / name) for folder in folders):
         return None
     tails = [*(Path(folder) / name for folder in folders), Path(Path(name).name)]
+    inner = [part for part in Path(name).parts if part != ".."]  # houses refer to ../../objects/...
+    tails += [Path(*inner)] if inner and not Path(name).is_absolute() else []
     places = [root / tail for root in search_path for tail in tails]
     return next(filter(is_file, places), None)
