@@ -125,7 +125,7 @@ class _Shapes:
         vertices, faces = _rest_shape(data, node, primitive)
         if not len(faces):
             return None
-        rows, name = partial(_attribute, data, primitive), f"mesh {node['mesh']}"
+        rows, name = partial(attribute, data, primitive), f"mesh {node['mesh']}"
         appearance = self._materials.appearance(primitive, rows, len(vertices), name)
         if "NORMAL" in primitive["attributes"]:
             appearance = self._normals.add(
@@ -141,34 +141,36 @@ def _rest_shape(
     data: GltfData, node: dict[str, Any], primitive: dict[str, Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
     """Return vertices and faces of a primitive, morphed and skinned; no faces if it consists of points or lines."""
-    vertices, faces = _triangles(data, primitive)
+    vertices, faces = triangles(data, primitive)
     if not len(faces):
         return vertices, faces
-    vertices = morphed(data, vertices, "POSITION", primitive.get("targets"), _morph_weights(data, node))
-    if _is_skinned(node, primitive):
+    vertices = morphed(data, vertices, "POSITION", primitive.get("targets"), morph_weights(data, node))
+    if is_skinned(node, primitive):
         vertices = skinned(vertices, _skin(data, node, primitive, len(vertices)))
     return vertices, faces
 
 
 def _rest_normals(data: GltfData, node: dict[str, Any], primitive: dict[str, Any]) -> NDArray[np.float64]:
     """Return the normals of a primitive's vertices, morphed and skinned (3.7.2.1)."""
-    normals = _attribute(data, primitive, "NORMAL").astype(np.float64)
-    normals = morphed(data, normals, "NORMAL", primitive.get("targets"), _morph_weights(data, node))
-    if not _is_skinned(node, primitive):
+    normals = attribute(data, primitive, "NORMAL").astype(np.float64)
+    normals = morphed(data, normals, "NORMAL", primitive.get("targets"), morph_weights(data, node))
+    if not is_skinned(node, primitive):
         return normals
     return transform_normals(normals, _skin(data, node, primitive, len(normals))[:, :3, :3])
 
 
 def _skin(data: GltfData, node: dict[str, Any], primitive: dict[str, Any], count: int) -> NDArray[np.float64]:
-    rows = partial(_attribute, data, primitive)
+    rows = partial(attribute, data, primitive)
     return skin_transforms(count, primitive["attributes"], rows, joint_matrices(data, node["skin"]))
 
 
-def _morph_weights(data: GltfData, node: dict[str, Any]) -> Json:
+def morph_weights(data: GltfData, node: dict[str, Any]) -> Json:
+    """Return the weights of a node's morph targets, its own or its mesh's; None if not given."""
     return node.get("weights", data.one("meshes", node["mesh"]).get("weights"))
 
 
-def _is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:
+def is_skinned(node: dict[str, Any], primitive: dict[str, Any]) -> bool:
+    """Return whether a primitive of a node follows joints."""
     return node.get("skin") is not None and "JOINTS_0" in primitive["attributes"]
 
 
@@ -192,7 +194,7 @@ def _add_mesh(
         if shape is None:
             found.empty.append(part_name or f"node_{index}")
             continue
-        above = np.eye(4) if _is_skinned(node, primitive) else placement  # transforms of skinned nodes are ignored
+        above = np.eye(4) if is_skinned(node, primitive) else placement  # transforms of skinned nodes are ignored
         if copies is not None:
             matrices = above @ copies
             parts = split(matrices)
@@ -211,7 +213,7 @@ def _extras_of(item: dict[str, Any]) -> dict[str, Any]:
     return extras if isinstance(extras, dict) else {}
 
 
-def _triangles(data: GltfData, primitive: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
+def triangles(data: GltfData, primitive: dict[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
     """Read vertices and faces of a primitive (3.7.2); no faces if it consists of points or lines."""
     attributes, mode = primitive.get("attributes", {}), primitive.get("mode", _TRIANGLES)
     nothing = np.zeros((0, 3)), np.zeros((0, 3), np.int32)
@@ -249,7 +251,7 @@ def _draco_rows(mesh: Any, packed: dict[str, Any], name: str) -> NDArray[np.gene
     return np.asarray(found[0])
 
 
-def _attribute(data: GltfData, primitive: dict[str, Any], name: str) -> NDArray[np.generic]:
+def attribute(data: GltfData, primitive: dict[str, Any], name: str) -> NDArray[np.generic]:
     """Read an attribute of a primitive's vertices."""
     place = primitive["attributes"][name]
     packed = (primitive.get("extensions") or {}).get(DRACO)

@@ -255,6 +255,18 @@ def skin_transforms(
     return transforms
 
 
+def joint_places(data: GltfData, skin: Json) -> NDArray[np.float64]:
+    """Return the positions of a skin's joints where its mesh is not deformed, in the mesh's frame, ``(joints, 3)``."""
+    item = data.one("skins", skin)
+    if "inverseBindMatrices" not in item:
+        return joint_matrices(data, skin)[:, :3, 3]
+    inverse = data.accessor(item["inverseBindMatrices"])
+    if inverse.shape[1] != 16 or len(inverse) < len(item["joints"]):
+        raise ValueError(f"a skin of {len(item['joints'])} joints needs as many matrices, got {inverse.shape}")
+    matrices = inverse[: len(item["joints"])].astype(np.float64).reshape(-1, 4, 4).swapaxes(1, 2)
+    return np.linalg.inv(matrices)[:, :3, 3]
+
+
 def joint_matrices(data: GltfData, skin: Json) -> NDArray[np.float64]:
     """Return the matrices from a skin's mesh to the file's frame, one per joint, shape ``(joints, 4, 4)``."""
     item = data.one("skins", skin)

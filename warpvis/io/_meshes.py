@@ -192,6 +192,11 @@ def _find_member(files: dict[str, bytes], member: str, name: str) -> bytes:
     return files[place]
 
 
+def file_finders(path: Path) -> tuple[Find, Locate]:
+    """Return the functions that read the buffers and find the images that a file references."""
+    return _finder(path, []), _locator(path, [])
+
+
 def _finder(path: Path, search_path: Sequence[Path]) -> Find:
     """Return a function that reads the files that a glTF file references, relative to it or in the folders."""
     from trimesh.resolvers import FilePathResolver

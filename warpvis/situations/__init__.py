@@ -6,13 +6,17 @@ from __future__ import annotations
 
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
+from warpvis.situations.rooms import ROOM_KINDS, Opening, Room, RoomItem, Seat, SupportPlace, generate_room
 from warpvis.situations.people import (
     JOINT_LIMITS,
     Body,
     Colors,
     Person,
     Posture,
+    at_table,
     crouching,
+    in_circle,
+    in_queue,
     looking_at,
     pointing,
     posed,
@@ -22,7 +26,6 @@ from warpvis.situations.people import (
     stature,
     walking,
 )
-from warpvis.situations.rooms import ROOM_KINDS, Opening, Room, RoomItem, Seat, SupportPlace, generate_room
 
 __all__ = [
     "JOINT_LIMITS",
@@ -44,9 +47,12 @@ __all__ = [
     "Situation",
     "SupportPlace",
     "Thing",
+    "at_table",
     "crouching",
     "find_shortcuts",
     "generate_room",
+    "in_circle",
+    "in_queue",
     "looking_at",
     "pointing",
     "posed",

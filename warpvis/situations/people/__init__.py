@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from warpvis.situations.people._body import Body, stature
+from warpvis.situations.people._groups import at_table, in_circle, in_queue
 from warpvis.situations.people._person import Colors, Person
 from warpvis.situations.people._postures import (
     Posture,
@@ -25,7 +26,10 @@ __all__ = [
     "Colors",
     "Person",
     "Posture",
+    "at_table",
     "crouching",
+    "in_circle",
+    "in_queue",
     "looking_at",
     "pointing",
     "posed",

@@ -19,17 +19,20 @@ from warpvis.core.labels import Label
 from warpvis.core.poses import check_up, poses_to_opencv
 from warpvis.errors import PoseError, SceneError, WarpvisError
 from warpvis.scene import Scene, require_scene
-from warpvis.scene.materials import check_color
+from warpvis.scene.materials import Appearance, check_color
 from warpvis.situations.people._body import Body, Sex
 from warpvis.situations.people._goals import eye_point, eye_rotation
 from warpvis.situations.people._postures import Posture, solve, standing
 from warpvis.situations.people._skeleton import Frames
+from warpvis.situations.people._skin import PARTS, make_skin
 from warpvis.situations.people._solids import make_pieces
 from warpvis.situations.people._state import State
 from warpvis.visibility import Agent
 
 Geometry = Literal["solids", "mesh"]
 """A body as one round solid per segment, or as one skinned mesh."""
+
+_EYE_COLORS = {"white": (0.93, 0.93, 0.92), "pupil": (0.10, 0.07, 0.06)}
 
 # Axes of the OpenCV camera (right, down, forward) in the frame of the eyes (forward, left, up).
 _CAMERA_IN_EYES = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
@@ -115,15 +118,23 @@ class Person:
         """Return the person in another posture."""
         return replace(self, posture=posture)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the pieces of the body, in the order of `object_poses`."""
-        return tuple(piece.name for piece in make_pieces(self.body))
+    def object_names(self, name: str, body: Geometry = "solids") -> tuple[str, ...]:
+        """Return the names of the objects of a person, in the order of `object_poses`.
+
+        Args:
+            name: Name of the person.
+            body: Whether it is round solids, ``NAME/head``, ``NAME/upper_arm_left``, ..., or a mesh, ``NAME/body``.
+        """
+        if not isinstance(name, str) or not name:
+            raise SceneError(f"name of a person must be a non-empty string, got {name!r}")
+        if _check_geometry(body) == "mesh":
+            return (f"{name}/body",)
+        return tuple(f"{name}/{piece.name}" for piece in make_pieces(self.body))
 
     @property
     def eye_poses(self) -> NDArray[np.float64]:
         """Poses of a camera at the midpoint of the eyes that looks along the gaze, camera to world, ``(W, 7)``."""
-        state, frames = self._solved
+        state, frames = self.solved
         rotations = eye_rotation(state, frames) @ _CAMERA_IN_EYES
         return self._to_rows(rotations[:, None], eye_point(state, frames)[:, None])[:, 0]
 
@@ -132,9 +143,15 @@ class Person:
         """The first of `eye_poses`, shape ``(7,)``."""
         return self.eye_poses[0]
 
-    def object_poses(self) -> NDArray[np.float64]:
-        """Return the poses of the solids in W worlds, object to world, shape ``(W, K, 7)``; see `names`."""
-        _, frames = self._solved
+    def object_poses(self, body: Geometry = "solids") -> NDArray[np.float64]:
+        """Return the poses of the objects in W worlds, object to world, shape ``(W, K, 7)``; see `object_names`.
+
+        A mesh has one pose, the place on the floor: its posture is that of its vertices.
+        """
+        state, frames = self.solved
+        if _check_geometry(body) == "mesh":
+            upright = np.broadcast_to(np.eye(3), (state.worlds, 1, 3, 3))
+            return self._to_rows(upright, np.zeros((state.worlds, 1, 3)))
         pieces = make_pieces(self.body)
         rotations = np.stack([frames.rotations[piece.segment] @ piece.rotation for piece in pieces], axis=1)
         centers = np.stack([frames.points(piece.segment, piece.center) for piece in pieces], axis=1)
@@ -142,28 +159,61 @@ class Person:
 
     def joint_positions(self) -> dict[str, NDArray[np.float64]]:
         """Return the positions of the joints by segment, the proximal one of each, in the world [m], ``(W, 3)``."""
-        state, frames = self._solved
+        state, frames = self.solved
         return {name: self._to_world(state, origin) for name, origin in frames.origins.items()}
 
     def joint_angles(self) -> dict[str, NDArray[np.float64]]:
         """Return the joint angles that are not 0 [rad], each of shape ``(W,)``."""
-        state, _ = self._solved
+        state, _ = self.solved
         return {name: state.angle(name) for name in state.angles}
 
     def hand_positions(self, hand: Literal["right", "left"] = "right") -> NDArray[np.float64]:
         """Return the center of a hand's grip in the world [m], shape ``(W, 3)``."""
         check_choice(hand, "hand", ("right", "left"), PoseError)
-        state, frames = self._solved
+        state, frames = self.solved
         return self._to_world(state, frames.points(f"hand_{hand}", (0.0, 0.0, -self.body.grip)))
 
-    def add_to(self, scene: Scene, name: str, *, movable: bool = True) -> Agent:
-        """Add the body to a scene, as objects ``NAME/head``, ``NAME/upper_arm_left``, ..., and return the agent.
+    def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.int32], Appearance]:
+        """Return the skinned mesh in the posture of the first world, in the frame of its place on the floor.
 
-        The objects are at the place of the first world.
+        Returns:
+            Vertices [m], shape ``(n, 3)``, corner indices, shape ``(m, 3)``, and the appearance, with smooth normals.
+            The number of vertices depends on the body only.
+        """
+        skin = make_skin(self.body)
+        vertices, normals = self.mesh_vertices()
+        colors = {**vars(self.colors), **_EYE_COLORS}
+        palette = np.array([[*colors[part], 1.0] for part in PARTS], dtype=np.float32)
+        looks = Appearance(
+            vertex_colors=(skin.colors @ palette).astype(np.float32), normals=normals[0].astype(np.float32)
+        )
+        return vertices[0].astype(np.float32), skin.faces, looks
+
+    def mesh_vertices(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the vertices [m] and normals of the skinned mesh, in the frame of the person's place, ``(W, n, 3)``.
+
+        They are those of `Scene.update_vertices`.
+        """
+        _, frames = self.solved
+        return make_skin(self.body).posed(frames)
+
+    def update(self, scene: Scene, name: str) -> None:
+        """Give a mesh in a scene, added by ``add_to(scene, name, body="mesh")``, the posture of the first world.
+
+        Its place is in `object_poses`.
+        """
+        require_scene(scene)
+        (mesh,) = self.object_names(name, "mesh")
+        vertices, normals = self.mesh_vertices()
+        scene.update_vertices(mesh, vertices[0].astype(np.float32), normals=normals[0].astype(np.float32))
+
+    def add_to(self, scene: Scene, name: str, *, body: Geometry = "solids", movable: bool = True) -> Agent:
+        """Add the body to a scene, and return the agent. The objects are those of the first world.
 
         Args:
             scene: The scene.
-            name: Name of the person.
+            name: Name of the person; `object_names` are those of the objects.
+            body: Whether the body is one round solid per segment or one skinned mesh.
             movable: Whether the poses of its objects may differ between worlds; see `object_poses`.
 
         Returns:
@@ -172,38 +222,39 @@ class Person:
         require_scene(scene)
         if scene.up != self.up:
             raise SceneError(f'up of the person must be that of the scene, "{scene.up}", got "{self.up}"')
-        agent = self.agent(name)
-        poses = self.object_poses()[0]
-        for piece, full_name, pose in zip(make_pieces(self.body), agent.body, poses, strict=True):
-            scene.add(
-                piece.solid,
-                name=full_name,
-                label=Label.HUMAN,
-                category="person",
-                pose=pose,
-                movable=movable,
-                appearance=getattr(self.colors, piece.color),
-            )
+        agent = self.agent(name, body=body)
+        parts: list[tuple[Any, Any]] = []
+        if body == "mesh":
+            vertices, faces, looks = self.mesh()
+            parts = [((vertices, faces), looks)]
+        else:
+            parts = [(piece.solid, getattr(self.colors, piece.color)) for piece in make_pieces(self.body)]
+        options: dict[str, Any] = {"label": Label.HUMAN, "category": "person", "movable": movable}
+        for (shape, color), one, pose in zip(parts, agent.body, self.object_poses(body)[0], strict=True):
+            scene.add(shape, name=one, pose=pose, appearance=color, **options)
         return agent
 
-    def agent(self, name: str, **options: Any) -> Agent:
+    def agent(self, name: str, *, body: Geometry = "solids", **options: Any) -> Agent:
         """Return the person as an agent: at the eyes, looking along the gaze, with the field of view of both eyes.
 
-        The field is that of `Agent.human`: 200 degrees wide, 60 up and 75 down, about the gaze. Head and hair are
-        invisible to the agent; it sees its own arms and legs, which may hide things from it.
+        The field is that of `Agent.human`: 200 degrees wide, 60 up and 75 down, about the gaze. Of a body of solids,
+        only head and neck are invisible to the agent; it sees its own arms and legs, which may hide things from it. A
+        mesh is invisible to it as a whole.
 
         Args:
             name: Name of the person, as for `add_to`.
+            body: As for `add_to`.
             **options: Other arguments of `Agent.human`, such as `far` and `resolution`.
         """
-        if not isinstance(name, str) or not name:
-            raise SceneError(f"name of a person must be a non-empty string, got {name!r}")
-        body = tuple(f"{name}/{piece}" for piece in self.names)
-        head = tuple(f"{name}/{piece.name}" for piece in make_pieces(self.body) if piece.segment in ("head", "neck"))
-        return Agent.human(name, self.eye_poses, body=body, **{"head": head, **options})
+        names = self.object_names(name, body)
+        if body == "solids":
+            near = [piece.segment in ("head", "neck") for piece in make_pieces(self.body)]
+            options = {"head": tuple(one for one, is_near in zip(names, near, strict=True) if is_near), **options}
+        return Agent.human(name, self.eye_poses, body=names, **options)
 
     @cached_property
-    def _solved(self) -> tuple[State, Frames]:
+    def solved(self) -> tuple[State, Frames]:
+        """The solved posture and its frames, for other modules of people."""
         places = np.broadcast_to(np.atleast_2d(np.asarray(self.pose, dtype=np.float64)), (self.worlds, 3))
         posture = self.posture
         if self.up == "y":
@@ -218,7 +269,7 @@ class Person:
 
     def _to_rows(self, rotations: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return rows ``x y z qx qy qz qw`` of frames of the body in the world, shape ``(W, K, 7)``."""
-        state, _ = self._solved
+        state, _ = self.solved
         matrices = np.zeros((*rotations.shape[:2], 4, 4))
         matrices[..., :3, :3] = state.heading[:, None] @ rotations
         matrices[..., :3, 3] = np.einsum("wij,wkj->wki", state.heading, points) + state.origin[:, None]
@@ -226,6 +277,11 @@ class Person:
         if self.up == "y":
             matrices[..., :3, :] = _Y_UP @ matrices[..., :3, :]
         return poses_to_opencv(matrices.reshape(-1, 4, 4)).reshape(*rotations.shape[:2], 7)
+
+
+def _check_geometry(body: object) -> Geometry:
+    check_choice(body, "body", ("solids", "mesh"), SceneError)
+    return body  # type: ignore[return-value]  # checked
 
 
 def _check_places(pose: ArrayLike) -> NDArray[np.float64]:

@@ -27,6 +27,7 @@ Hand = Literal["right", "left", "nearest"]
 _MAX_SEATED_FLEXION, _MIN_SEATED_FLEXION = math.radians(115), math.radians(20)
 _MAX_SHANK_LEAN = math.radians(50)
 _SPREAD = math.radians(6)
+_TUCK = math.radians(19)
 
 # Walking: percent of the gait cycle, from the initial contact of a foot, and angles of its leg [degrees] at the ends of
 # the phases (Perry and Burnfield, Gait Analysis, 2010): initial contact, loading response, mid stance, terminal stance,
@@ -268,15 +269,18 @@ def _sit(posture: Posture, state: State) -> None:
             f"seat_height must be from {low:.2f} to {high:.2f} m for a person of {h:.2f} m with both feet on the "
             f"floor, got {wrong:g}"
         )
-    # The shank is vertical unless the seat is so low that the hip would bend too much: then the feet are in front.
-    drop = (hips - ankle - shank) / (thigh * math.cos(_SPREAD))
+    # The shank is vertical, or leans back at a table, unless the seat is so low that the hip would bend too much: then
+    # the feet are in front.
+    tuck = _TUCK if "table_height" in posture.values else 0.0
+    drop = (hips - ankle - shank * math.cos(tuck)) / (thigh * math.cos(_SPREAD))
     flexion = np.clip(np.arccos(np.clip(drop, -1, 1)), _MIN_SEATED_FLEXION, _MAX_SEATED_FLEXION)
     for _ in range(4):
         lean = np.arccos(np.clip((hips - thigh * math.cos(_SPREAD) * np.cos(flexion) - ankle) / shank, -1, 1))
+        lean = np.where(flexion < _MAX_SEATED_FLEXION, -tuck, lean)
         # Legs are spread, so that a shank that is not vertical is inclined sideways, too.
         side_slope = math.sin(_SPREAD) * np.cos(flexion - lean)
         vertical = np.sqrt(1 - side_slope**2)
-        drop = (hips - ankle - shank * vertical) / (thigh * math.cos(_SPREAD))
+        drop = (hips - ankle - shank * vertical * math.cos(tuck)) / (thigh * math.cos(_SPREAD))
         flexion = np.clip(np.arccos(np.clip(drop, -1, 1)), _MIN_SEATED_FLEXION, _MAX_SEATED_FLEXION)
     knee = np.arctan2(np.sin(flexion - lean), np.cos(flexion - lean))
     state.angles["pelvis_pitch"] = -recline
@@ -297,7 +301,7 @@ def _rest_hands(posture: Posture, state: State) -> None:
         if "table_height" in posture.values:
             height = posture.value("table_height", state.worlds) + 0.03 * body.height
             target = np.stack(
-                [np.full_like(height, 0.21 * body.height), np.full_like(height, sign * 0.1 * body.height)]
+                [np.full_like(height, 0.18 * body.height), np.full_like(height, sign * 0.1 * body.height)]
             )
             reach(state, np.stack([*target, height], axis=1), side, "the hands on the table")
             continue
