@@ -4,9 +4,11 @@
 
 import warpvis as wv
 
+from support.figures import mixamo_arrays, write_glb
+
 
 def people_cases(folder):
-    """Return the cases; they write no files."""
+    """Return the cases; they write to `folder`."""
     made = wv.situations
     person, names = made.Person(posture=made.sitting()), iter(range(10**9))
     colors = dict.fromkeys(("skin", "hair", "shirt", "trousers", "shoes"), (0.5, 0.5, 0.5))
@@ -18,7 +20,26 @@ def people_cases(folder):
         name = f"anna_{next(names)}" if isinstance(name, str) and name == "anna" else name
         return person.add_to(wv.Scene() if isinstance(scene, wv.Scene) else scene, name, **given)
 
+    own = mixamo_arrays()
+    figure = made.Figure(**own)
+    write_glb(folder / "own.glb", own)
+    own |= {"segments": {}, "height": 1.7, "appearance": None}
+    group = {"people": [made.Person(), made.Person(height=1.8)]}
+    shown = wv.Scene()
+    person.add_to(shown, "anna", body="mesh")
     return {
+        "Figure": (made.Figure, own),
+        "at_table": (
+            made.at_table,
+            {**group, "size": (2, 1), "height": 0.7, "seat_height": 0.4, "center": (1, 2), "heading": 1.0},
+        ),
+        "in_circle": (made.in_circle, {**group, "center": (1, 2), "radius": 1.0, "start": 1.0}),
+        "in_queue": (made.in_queue, {**group, "first": (1, 2), "heading": 1.0, "spacing": 1.0}),
+        "read_figure": (wv.io.read_figure, {"path": folder / "own.glb", "segments": {}, "height": 1.7}),
+        "Person.object_names": (person.object_names, {"name": "anna", "body": "mesh"}),
+        "Person.object_poses": (person.object_poses, {"body": "mesh"}),
+        "Person.update": (person.update, {"scene": shown, "name": "anna"}),
+        "Person of a figure": (made.Person, {"figure": figure}),
         "Body": (made.Body, {"height": 1.7, "sex": "male", "build": 1.1}),
         "Body.measurement": (person.body.measurement, {"name": "head_length"}),
         "Body.radius": (person.body.radius, {"name": "neck"}),
@@ -36,8 +57,8 @@ def people_cases(folder):
                 "up": "y",
             },
         ),
-        "Person.add_to": (add, {"scene": wv.Scene(), "name": "anna", "movable": True}),
-        "Person.agent": (person.agent, {"name": "anna", "resolution": 20.0}),
+        "Person.add_to": (add, {"scene": wv.Scene(), "name": "anna", "body": "solids", "movable": True}),
+        "Person.agent": (person.agent, {"name": "anna", "body": "solids", "resolution": 20.0}),
         "Person.at": (person.at, {"x": 1.0, "y": 2.0, "heading": 0.5}),
         "Person.doing": (person.doing, {"posture": made.standing()}),
         "Person.hand_positions": (person.hand_positions, {"hand": "left"}),

@@ -77,6 +77,7 @@ RESULTS = {
     "SceneCamera",
     "PlanVisibility",
     "Placement",
+    "Posture",
     "Proposal",
     "Livox",
     "MeasuredFrame",
@@ -126,6 +127,10 @@ FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 # Internal entry points, whose arguments are validated before.
 OURS = {
+    "Figure.posed",
+    "Posture.apply",
+    "Posture.rotated",
+    "Posture.value",
     "ViewerState.colors",
     "MujocoStage.set_joint",
     "MujocoStage.value",
@@ -247,7 +252,8 @@ NAMES = (
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
     "Viewer view MujocoStage read_scene "
-    "Body Colors Person crouching looking_ pointing posed reaching sitting stature walking "
+    "Body Colors Figure Person at_ in_circle in_queue read_figure crouching looking_ pointing posed reaching sitting "
+    "stature walking "
 ).split()
 
 

@@ -26,6 +26,7 @@ from warpvis.io._depth import (
     read_depth,
     save_depth_png,
 )
+from warpvis.io._figures import read_figure
 from warpvis.io._image_messages import color_pixels as color_pixels
 from warpvis.io._map_messages import to_occupancy_grid
 from warpvis.io._messages import (
@@ -59,6 +60,7 @@ __all__ = [
     "load_bop_scene",
     "load_camera",
     "read_depth",
+    "read_figure",
     "read_points",
     "read_poses",
     "read_scene_cameras",

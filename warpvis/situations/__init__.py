@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
-from warpvis.situations.rooms import ROOM_KINDS, Opening, Room, RoomItem, Seat, SupportPlace, generate_room
 from warpvis.situations.people import (
     JOINT_LIMITS,
     Body,
     Colors,
+    Figure,
     Person,
     Posture,
     at_table,
@@ -26,12 +26,14 @@ from warpvis.situations.people import (
     stature,
     walking,
 )
+from warpvis.situations.rooms import ROOM_KINDS, Opening, Room, RoomItem, Seat, SupportPlace, generate_room
 
 __all__ = [
     "JOINT_LIMITS",
     "ROOM_KINDS",
     "Body",
     "Colors",
+    "Figure",
     "Moment",
     "Opening",
     "Participant",

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from warpvis.situations.people._body import Body, stature
+from warpvis.situations.people._figure import Figure
 from warpvis.situations.people._groups import at_table, in_circle, in_queue
 from warpvis.situations.people._person import Colors, Person
 from warpvis.situations.people._postures import (
@@ -24,6 +25,7 @@ __all__ = [
     "JOINT_LIMITS",
     "Body",
     "Colors",
+    "Figure",
     "Person",
     "Posture",
     "at_table",

@@ -21,6 +21,7 @@ from warpvis.errors import PoseError, SceneError, WarpvisError
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.materials import Appearance, check_color
 from warpvis.situations.people._body import Body, Sex
+from warpvis.situations.people._figure import Figure
 from warpvis.situations.people._goals import eye_point, eye_rotation
 from warpvis.situations.people._postures import Posture, solve, standing
 from warpvis.situations.people._skeleton import Frames
@@ -41,6 +42,7 @@ _CAMERA_IN_EYES = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _Y_UP = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])
 
 _MAX_COORDINATE = 1e6
+_HEIGHT = 1.69
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Person:
         >>> agent = anna.add_to(scene, "anna")
     """
 
-    height: float = 1.69
+    height: float = _HEIGHT
     """Stature, barefoot [m], from 1.2 to 2.3; see `stature` for that of a percentile."""
     sex: Sex = "average"
     """Whose proportions: ``"male"``, ``"female"``, or the mean of both."""
@@ -78,6 +80,8 @@ class Person:
     pose: ArrayLike = (0.0, 0.0, 0.0)
     """Place on the floor, ``x y heading`` [m, m, rad], shape ``(3,)``, or one for each world, ``(W, 3)``. The heading
     is counterclockwise from x. In a world with y up, the floor's axes are z and x."""
+    figure: Figure | None = None
+    """A mesh with a skeleton of one's own for a body. Height, sex and build then stay at their defaults."""
     floor: float = 0.0
     """Height of the floor [m]."""
     colors: Colors = Colors()
@@ -85,6 +89,10 @@ class Person:
     """The world's vertical axis."""
 
     def __post_init__(self) -> None:
+        if self.figure is not None and not isinstance(self.figure, Figure):
+            raise SceneError(f"figure of a person must be a Figure, got {self.figure!r}")
+        if self.figure is not None and (self.height, self.sex, self.build) != (_HEIGHT, "average", 1.0):
+            raise SceneError("height, sex and build of a person with a figure are those of the figure; leave them out")
         _ = self.body  # raises if a size is invalid
         if not isinstance(self.posture, Posture):
             raise PoseError(
@@ -100,7 +108,7 @@ class Person:
     @cached_property
     def body(self) -> Body:
         """Measurements of the person."""
-        return Body(self.height, self.sex, self.build)
+        return Body(self.height, self.sex, self.build) if self.figure is None else self.figure.body
 
     @property
     def worlds(self) -> int:
@@ -180,8 +188,11 @@ class Person:
             Vertices [m], shape ``(n, 3)``, corner indices, shape ``(m, 3)``, and the appearance, with smooth normals.
             The number of vertices depends on the body only.
         """
-        skin = make_skin(self.body)
         vertices, normals = self.mesh_vertices()
+        if self.figure is not None:
+            looks = replace(self.figure.appearance, normals=normals[0].astype(np.float32))
+            return vertices[0].astype(np.float32), self.figure.faces, looks
+        skin = make_skin(self.body)
         colors = {**vars(self.colors), **_EYE_COLORS}
         palette = np.array([[*colors[part], 1.0] for part in PARTS], dtype=np.float32)
         looks = Appearance(
@@ -195,7 +206,7 @@ class Person:
         They are those of `Scene.update_vertices`.
         """
         _, frames = self.solved
-        return make_skin(self.body).posed(frames)
+        return (make_skin(self.body) if self.figure is None else self.figure).posed(frames)
 
     def update(self, scene: Scene, name: str) -> None:
         """Give a mesh in a scene, added by ``add_to(scene, name, body="mesh")``, the posture of the first world.
