@@ -329,6 +329,19 @@ def _ros(folder):
     }
 
 
+def _usd(folder):
+    body = '(prepend apiSchemas = ["PhysicsRigidBodyAPI"])'
+    mug = 'def Sphere "Body" {\n double radius = 0.05\n double3 xformOp:translate = (0, 0, -2)\n'
+    mug += ' uniform token[] xformOpOrder = ["xformOp:translate"]\n}'
+    door = f'def Cube "Door" {body} {{\n double size = 0.5\n}}'
+    hinge = 'def PhysicsRevoluteJoint "door_hinge" {\n rel physics:body1 = </Kitchen/Door>\n}'
+    content = f'def Camera "Eye" {{\n}}\ndef Xform "Mug" {{\n{mug}\n}}\n{door}\n{hinge}'
+    (folder / "kitchen.usda").write_text(
+        f'#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Z"\n)\ndef Xform "Kitchen" {{\n{content}\n}}\n'
+    )
+    return {}
+
+
 def _batch(folder):
     _room().export(folder / "room.glb")
     _save_poses(folder / "walk.txt")

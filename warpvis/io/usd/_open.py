@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from pxr import Ar, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Ar, Gf, Tf, Usd, UsdGeom, UsdSkel, UsdUtils
 
 from warpvis.core.checks import truncate
 from warpvis.errors import FileFormatError
@@ -19,6 +19,7 @@ from warpvis.errors import FileFormatError
 _TEXT, _BINARY, _ARCHIVE = b"#usda", b"PXR-USDC", b"PK"
 _SUFFIXES = {".usda": _TEXT, ".usdc": _BINARY, ".usdz": _ARCHIVE}
 _KINDS = {_TEXT: ("a text file", ".usda"), _BINARY: ("a binary file", ".usdc"), _ARCHIVE: ("an archive", ".usdz")}
+_NAMESPACE = re.compile(r"\bpxrInternal_\w+::")
 _LINE = re.compile(r"^(?P<file>.+?):(?P<line>\d+):\d+: (?P<text>.*)", re.DOTALL)
 
 
@@ -56,6 +57,26 @@ def stage_time(stage: Any) -> Any:
     return Usd.TimeCode.EarliestTime()
 
 
+def bake_skins(stage: Any) -> list[str]:
+    """Pose skinned meshes by their skeletons, in the stage's session layer, and return what could not be posed."""
+    roots = [prim for prim in stage.Traverse() if prim.IsA(UsdSkel.Root)]
+    if not roots:
+        return []
+    start = stage.GetStartTimeCode()
+    interval = Gf.Interval(start, start) if stage.HasAuthoredTimeCodeRange() else Gf.Interval.GetFullInterval()
+    target = stage.GetEditTarget()
+    stage.SetEditTarget(stage.GetSessionLayer())
+    notes = []
+    for root in roots:
+        try:
+            is_baked = UsdSkel.BakeSkinning(UsdSkel.Root(root), interval)
+        except Tf.ErrorException:
+            is_baked = False
+        notes += [] if is_baked else [f"the skeleton of <{root.GetPath()}>, whose meshes are in the bind pose"]
+    stage.SetEditTarget(target)
+    return notes
+
+
 def stage_meters(stage: Any) -> float:
     """Return the stage's unit [m], 0.01 by default."""
     try:
@@ -88,7 +109,7 @@ def _require_suffix(path: Path) -> None:
 def _sentence(path: Path, error: Exception) -> str:
     """Return USD's first error as a sentence that begins with the file and the line."""
     texts = [str(getattr(item, "commentary", item)).strip() for item in error.args]
-    text = " ".join((texts[0] if texts else str(error)).split())
+    text = _NAMESPACE.sub("", " ".join((texts[0] if texts else str(error)).split()))
     match = _LINE.match(text)
     where = f"{match['file']}:{match['line']}" if match else str(path)
     return f"{where}: cannot be read as USD: {truncate(match['text'] if match else text, 300)}"

@@ -22,7 +22,7 @@ from warpvis.io.usd._joints import read_joints
 from warpvis.io.usd._lights import read_lights
 from warpvis.io.usd._materials import MaterialSource, read_material
 from warpvis.io.usd._meshes import Geometry, read_geometry
-from warpvis.io.usd._open import composition_errors, open_stage, quiet, stage_time
+from warpvis.io.usd._open import bake_skins, composition_errors, open_stage, quiet, stage_time
 from warpvis.io.usd._semantics import category
 from warpvis.io.usd._walk import Place, StageWalk
 from warpvis.scene import Axis, FileParts, Part, keep_winding, move_with_links
@@ -69,6 +69,7 @@ class _Reader:
 
     def read(self, *, strict: bool) -> FileParts:
         """Return the parts, lights and warnings."""
+        unposed = bake_skins(self._stage)
         walk = StageWalk(self._stage, self._time)
         bindings = self._bindings(walk.places)
         joints, unjoined = read_joints(walk.joints, walk.bodies, walk.meters)
@@ -79,7 +80,7 @@ class _Reader:
         if strict and messages:
             raise FileFormatError(messages[0])
         notes = [note for source in self._materials.values() for note in source.notes]
-        notes = [*dict.fromkeys(notes), *unlit, *unjoined]
+        notes = [*dict.fromkeys(notes), *unlit, *unjoined, *unposed]
         if notes:
             messages.append(f"{self._path}: not read: {_listed(notes)}")
         up: Axis = "z" if UsdGeom.GetStageUpAxis(self._stage) == UsdGeom.Tokens.z else "y"

@@ -239,9 +239,10 @@ def _instances(prim: Any, time: Any) -> tuple[NDArray[np.float64], NDArray[np.in
     """Return the visible instances of a point instancer: matrices without those of prototypes, indices, prototypes."""
     instancer, path = UsdGeom.PointInstancer(prim), prim.GetPath()
     chosen = np.array(instancer.GetProtoIndicesAttr().Get(time) or [], dtype=np.intp)
-    positions = instancer.GetPositionsAttr().Get(time)
-    if len(chosen) and (positions is None or len(positions) != len(chosen)):
-        raise ValueError(f"<{path}> must have one of positions for each of its {len(chosen)} protoIndices")
+    for name in ("positions", "orientations", "scales"):
+        rows = prim.GetAttribute(name).Get(time)
+        if len(rows or ()) not in ((len(chosen),) if name == "positions" else (0, len(chosen))):
+            raise ValueError(f"<{path}> must have one of {name} for each of its {len(chosen)} protoIndices")
     count = len(prim.GetRelationship("prototypes").GetForwardedTargets())
     if len(chosen) and not 0 <= chosen.min() <= chosen.max() < count:
         raise ValueError(f"protoIndices of <{path}> must be from 0 to {count - 1}, got {chosen.max()}")
@@ -255,7 +256,7 @@ def _instances(prim: Any, time: Any) -> tuple[NDArray[np.float64], NDArray[np.in
         raise ValueError(f"the instances of <{path}> cannot be read: {describe_exception(error)}") from None
     matrices = np.array(found, dtype=np.float64).reshape(-1, 4, 4).swapaxes(1, 2)
     if len(matrices) != len(chosen) or not np.isfinite(matrices).all():
-        raise ValueError(f"<{path}> must have finite positions, orientations and scales, one for each instance")
+        raise ValueError(f"<{path}> must have finite positions, orientations and scales")
     mask = np.array(instancer.ComputeMaskAtTime(time) or np.ones(len(chosen)), dtype=bool)
     numbers = np.flatnonzero(mask) if len(mask) == len(chosen) else np.arange(len(chosen))
     return matrices[numbers], numbers, chosen[numbers]
