@@ -155,10 +155,14 @@ def test_without_lights_there_is_a_headlight(tmp_path):
 def test_ambient_light_and_background(tmp_path):
     sun = '<light name="sun" type="directional"/>'
     scene = load(tmp_path, world(f'{sun}<model name="m">{BOX_LINK}</model>'))
-    assert scene.lights[0].ambient == (0.4, 0.4, 0.4) and scene.background.color == (0.7, 0.7, 0.7)
+    assert np.allclose(scene.lights[0].ambient, 0.4 / np.pi) and scene.background.color == (0.7, 0.7, 0.7)
     colors = "<scene><ambient>0.1 0.2 0.3 1</ambient><background>0 0 1 1</background></scene>"
     scene = load(tmp_path, world(f'{colors}{sun}<model name="m">{BOX_LINK}</model>'))
-    assert scene.lights[0].ambient == (0.1, 0.2, 0.3) and scene.background.color == (0, 0, 1)
+    assert np.allclose(scene.lights[0].ambient, np.array((0.1, 0.2, 0.3)) / np.pi) and scene.background.color == (
+        0,
+        0,
+        1,
+    )
     scene = load(tmp_path, world(f'<scene><sky/><fog/></scene><model name="m">{BOX_LINK}</model>'))
     assert scene.background.color == (0.5, 0.7, 0.9)
 

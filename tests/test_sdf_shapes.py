@@ -130,6 +130,16 @@ def test_submesh_of_collada_by_the_name_of_its_node(tmp_path):
     assert np.allclose(bounds(part).mean(axis=0), (7, 0, 0))
 
 
+@pytest.mark.parametrize("name", ["../materials/textures/a.png", "a.png"])
+def test_images_of_meshes_are_searched_in_the_folder_of_the_model(tmp_path, name):
+    image(tmp_path / "materials" / "textures" / "a.png", np.full((2, 2, 3), 9))
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n"
+    write(tmp_path, text, "meshes/m.obj")
+    write(tmp_path, f"newmtl a\nKd 1 1 1\nmap_Kd {name}\n", "meshes/m.mtl")
+    (material,) = only(read(tmp_path, link("<mesh><uri>meshes/m.obj</uri></mesh>"))).appearance.get().materials
+    assert (material.texture.image == 9).all()
+
+
 def test_equal_meshes_share_their_arrays(tmp_path, two_boxes):
     shape = two_boxes.format("<scale>2 2 2</scale>")
     models = "".join(f'<model name="m{n}"><link name="l">{visual(shape)}</link></model>' for n in range(2))

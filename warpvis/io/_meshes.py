@@ -49,8 +49,13 @@ _METERS = {b"micron": 1e-6, b"millimeter": 1e-3, b"centimeter": 1e-2, b"inch": 0
 _NAME = re.compile(rb"""\b(?:partnumber|name)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
 
-def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
-    """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`."""
+def read_mesh_file(
+    path: Path, *, search_path: Sequence[Path], strict: bool, image_folders: Sequence[Path] = ()
+) -> FileParts:
+    """Read the parts of a mesh file, or of all mesh files of an archive; see `warpvis.Scene.load`.
+
+    Images may be in the file's folder, in `image_folders`, and below them.
+    """
     kind = _kind(path.name)
     if search_path and kind != "gltf":
         raise SceneError(f"{path}: its geometry is in a single file; leave out search_path")
@@ -59,7 +64,8 @@ def read_mesh_file(path: Path, *, search_path: Sequence[Path], strict: bool) -> 
     elif (read := _reader_of_others(path, kind)) is not None:
         return _read_by_plugin(read, path)
     else:
-        loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), _locator(path, search_path))
+        locate = _locator(path, [*search_path, *image_folders])
+        loaded = _load(str(path), kind, path.read_bytes(), _finder(path, search_path), locate)
     is_single = len(loaded.parts) == 1
     names = [part.name or (path.stem if is_single else f"mesh_{number}") for number, part in enumerate(loaded.parts)]
     parts = [
@@ -220,12 +226,13 @@ def _finder(path: Path, search_path: Sequence[Path]) -> Find:
 def _locator(path: Path, search_path: Sequence[Path]) -> Locate:
     """Return a function that finds the images that a file references, relative to it or in the folders."""
     folders = [folder.absolute() for folder in (path.parent, *search_path)]  # the working directory may change
+    roots = [folder.resolve() for folder in folders]
 
     def locate(name: str) -> Path | None:
         for folder in folders:
             place = folder / name.replace("\\", "/")
             try:
-                if place.is_file() and place.resolve().is_relative_to(folder.resolve()):
+                if place.is_file() and any(map(place.resolve().is_relative_to, roots)):
                     return place
             except (OSError, ValueError):  # not a valid file name
                 continue

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Lights, ambient light and background of SDF worlds. Colors are display values (sRGB), as in Gazebo Classic."""
+"""Lights, ambient light and background of SDF worlds.
+
+Light is summed in linear space, as by gz-sim's renderer (gz-rendering, ogre2), which divides ambient light by pi.
+"""
 
 from __future__ import annotations
 
@@ -64,6 +67,7 @@ def read_light(node: Node, name: str, pose: Matrix) -> Light | None:
             specular=specular[:3],
             intensity=node.number("intensity", 1.0, minimum=0.0),
             cast_shadow=node.flag("cast_shadows", False),
+            color_space="linear",
             **options,
         )
     except SceneError as error:
@@ -75,5 +79,6 @@ def read_environment(world: Node) -> tuple[Light, Background]:
     ambient, color = world.color("scene/ambient"), world.color("scene/background")
     if world.child("scene/sky") is not None:
         color = _SKY
-    light = Light("ambient", "ambient", ambient=(ambient or _AMBIENT)[:3], color=(0.0, 0.0, 0.0))
+    red, green, blue = (part / math.pi for part in (ambient or _AMBIENT)[:3])
+    light = Light("ambient", "ambient", ambient=(red, green, blue), color=(0.0, 0.0, 0.0), color_space="linear")
     return light, Background((color or _BACKGROUND)[:3])

@@ -160,7 +160,9 @@ class Shapes:
         if key not in self._cache:
             self._cache[key] = []
             try:
-                found = read_mesh_file(path, search_path=(), strict=self.strict)
+                model = path.parent.parent
+                folders = [model, model / "materials" / "textures"]
+                found = read_mesh_file(path, search_path=(), strict=self.strict, image_folders=folders)
                 self.warnings.update(dict.fromkeys(found.warnings))
                 self._cache[key] = [
                     Piece(
