@@ -58,6 +58,7 @@ from warpvis.webots._parts import (
 from warpvis.webots.protos._builtin import BUILTIN, expand
 from warpvis.webots.protos._expansion import Protos
 from warpvis.webots.protos._lamps import expand_lamp
+from warpvis.webots.protos._roads import ROADS, expand_road
 from warpvis.webots.protos._standins import DEPTH_CAMERAS, KNOWN, expand_depth_camera, stand_in, stand_in_geometry
 from warpvis.webots.shapes._geometry import GEOMETRIES, MissingMeshError, reset_fields, tessellate
 from warpvis.webots.shapes._polygons import Triangles
@@ -70,7 +71,7 @@ MAX_TRIANGLES = 50_000_000
 """Maximum number of triangles of a world."""
 
 _ARENAS = {"RectangleArena", "CircleArena"}
-_GROUNDS = {"Floor", "UnevenTerrain"}
+_GROUNDS = {"Floor", "UnevenTerrain", *ROADS}
 _NAMES = {"RangeFinder": "range-finder", **dict.fromkeys(ROBOTS, "robot")}
 
 
@@ -183,7 +184,7 @@ class Reader:
         if body is not None:
             within, instances = (*step.within, node.type), (*step.instances, node)
             return [step._replace(node=body, human=human, within=within, instances=instances)]
-        substitute = None if self._strict else expand_lamp(node) or stand_in(node)
+        substitute = None if self._strict else expand_lamp(node) or expand_road(node) or stand_in(node)
         if substitute is None:
             shown = step
             self.skipped[node.type] += 1
