@@ -58,7 +58,10 @@ INVALID = {
     ),
     "axis": ('def Cone "a"\n{\n    uniform token axis = "W"\n}\n', r"axis of </a> must be X, Y or Z, got 'W'"),
     "radius": ('def Sphere "a"\n{\n    double radius = -1\n}\n', r"radius of </a> must be at least 0, got -1"),
-    "prototypes": (instancer("[0, 0]", "[0, 3]"), r"protoIndices of </p> must be from 0 to 0, got 3"),
+    "prototypes": (
+        instancer("[0, 0]", "[0, 3]"),
+        r"left out instances: protoIndices of </p> must be from 0 to 0, got 3; nothing is left",
+    ),
     "positions": (instancer("[(0, 0, 0), (1, 0, 0)]", "[(0, 0, 0)]"), r"</p> must have one of positions for each of"),
     "scales": (instancer("MORE", "float3[] scales = [(1, 1, 1)]"), r"</p> must have one of scales for each of its 2"),
     "infinite": (instancer("(1, 0, 0)]", "(inf, 0, 0)]"), r"</p> must have finite positions, orientations and scales"),

@@ -215,6 +215,51 @@ def test_transforms_with_shear_flattening_and_reset_are_exact(tmp_path):
     np.testing.assert_allclose(scene["/x/r"].vertices, [(0, 0, 0), (1, 0, 0), (0, 1, 0)], atol=1e-9)
 
 
+def test_homogeneous_matrices_are_divided(tmp_path):
+    matrix = "( (2, 0, 0, 0), (0, 4, 0, 0), (0, 0, 2, 0), (6, 0, 0, 2) )"
+    text = f'matrix4d xformOp:transform = {matrix}\nuniform token[] xformOpOrder = ["xformOp:transform"]'
+    item = stages.load(tmp_path, stages.mesh("a", text))["/a"]
+    np.testing.assert_allclose(item.vertices, [(3, 0, 0), (4, 0, 0), (3, 2, 0)], atol=1e-9)
+
+
+SKIN = f"""
+def SkelRoot "person"
+{{
+    def Mesh "skin" (prepend apiSchemas = ["SkelBindingAPI"])
+    {{{stages.TRIANGLE}
+        int[] primvars:skel:jointIndices = [0, 0, 1] (interpolation = "vertex"
+            elementSize = 1)
+        float[] primvars:skel:jointWeights = [1, 1, 1] (interpolation = "vertex"
+            elementSize = 1)
+        rel skel:skeleton = </person/bones>
+    }}
+    def Skeleton "bones" (prepend apiSchemas = ["SkelBindingAPI"])
+    {{
+        uniform token[] joints = ["hip", "hip/knee"]
+        uniform matrix4d[] bindTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        uniform matrix4d[] restTransforms = [
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),
+            ((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))]
+        rel skel:animationSource = </person/walk>
+    }}
+    def SkelAnimation "walk"
+    {{
+        uniform token[] joints = ["hip", "hip/knee"]
+        float3[] translations = [(0, 0, 1), (0, 0, 2)]
+        quatf[] rotations = [(1, 0, 0, 0), (1, 0, 0, 0)]
+        half3[] scales = [(1, 1, 1), (1, 1, 1)]
+    }}
+}}
+"""
+
+
+def test_skinned_meshes_are_posed(tmp_path):
+    item = stages.load(tmp_path, SKIN)["/person/skin"]
+    np.testing.assert_allclose(item.vertices, [(0, 0, 1), (1, 0, 1), (0, 1, 3)], atol=1e-6)
+
+
 def test_mirrored_meshes_keep_their_front(tmp_path):
     text = 'float3 xformOp:scale = (-1, 1, 1)\nuniform token[] xformOpOrder = ["xformOp:scale"]'
     item = stages.load(tmp_path, stages.mesh("a", text))["/a"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdGeom
+from pxr import Tf, UsdGeom
 
 from warpvis.cameras.image_cameras import PlanarCamera
 from warpvis.cameras.orthographic import OrthographicCamera
@@ -18,7 +18,7 @@ from warpvis.cameras.pinhole import Camera
 from warpvis.core.checks import describe_exception, truncate
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import CameraError, FileFormatError, WarpvisError
-from warpvis.io.usd._open import open_stage, quiet, stage_time
+from warpvis.io.usd._open import first_error, open_stage, quiet, stage_time
 from warpvis.io.usd._walk import StageWalk
 from warpvis.scene import Y_UP_TO_Z_UP, Axis
 
@@ -42,6 +42,8 @@ def read_cameras(
             z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
         except FileFormatError:
             raise
+        except Tf.ErrorException as error:
+            raise FileFormatError(f"{path}: cannot be read as USD: {truncate(first_error(error), 300)}") from None
         except Exception as error:  # damaged files may raise any exception
             raise FileFormatError(f"{path}: {truncate(describe_exception(error), 400)}") from None
         upright = np.eye(4) if z_up == (up == "z") else Y_UP_TO_Z_UP if up == "z" else Y_UP_TO_Z_UP.T

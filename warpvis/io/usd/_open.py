@@ -106,10 +106,15 @@ def _require_suffix(path: Path) -> None:
         raise FileFormatError(f"{path}: cannot be read as USD: it is not a zip archive")
 
 
+def first_error(error: Exception) -> str:
+    """Return the first error of an exception of USD, in one line."""
+    texts = [str(getattr(item, "commentary", item)).strip() for item in error.args]
+    return _NAMESPACE.sub("", " ".join((texts[0] if texts else str(error)).split()))
+
+
 def _sentence(path: Path, error: Exception) -> str:
     """Return USD's first error as a sentence that begins with the file and the line."""
-    texts = [str(getattr(item, "commentary", item)).strip() for item in error.args]
-    text = _NAMESPACE.sub("", " ".join((texts[0] if texts else str(error)).split()))
+    text = first_error(error)
     match = _LINE.match(text)
     where = f"{match['file']}:{match['line']}" if match else str(path)
     return f"{where}: cannot be read as USD: {truncate(match['text'] if match else text, 300)}"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdGeom, UsdShade
+from pxr import Tf, UsdGeom, UsdShade
 
 from warpvis.core.categories import label_of_category
 from warpvis.core.checks import describe_exception, pluralize, truncate
@@ -22,7 +22,7 @@ from warpvis.io.usd._joints import read_joints
 from warpvis.io.usd._lights import read_lights
 from warpvis.io.usd._materials import MaterialSource, read_material
 from warpvis.io.usd._meshes import Geometry, read_geometry
-from warpvis.io.usd._open import bake_skins, composition_errors, open_stage, quiet, stage_time
+from warpvis.io.usd._open import bake_skins, composition_errors, first_error, open_stage, quiet, stage_time
 from warpvis.io.usd._semantics import category
 from warpvis.io.usd._walk import Place, StageWalk
 from warpvis.scene import Axis, FileParts, Part, keep_winding, move_with_links
@@ -44,6 +44,8 @@ def read_stage(path: Path, *, search_path: Sequence[Path], strict: bool) -> File
             return _Reader(path, search_path).read(strict=strict)
         except FileFormatError:
             raise
+        except Tf.ErrorException as error:
+            raise FileFormatError(f"{path}: cannot be read as USD: {truncate(first_error(error), 300)}") from None
         except Exception as error:  # damaged files may raise any exception
             raise FileFormatError(f"{path}: {truncate(describe_exception(error), 400)}") from None
 
@@ -100,6 +102,8 @@ class _Reader:
         if missing:
             more = f" (and {len(missing) - 1} others)" if len(missing) > 1 else ""
             found.append(f"left out references that cannot be opened: {truncate(missing[0], 300)}{more}")
+        if walk.invalid:
+            found.append(f"left out instances: {_listed(walk.invalid)}")
         if self._empty:
             found.append(f"left out {_listed(self._empty)}, which hold no triangles")
         if walk.skipped:

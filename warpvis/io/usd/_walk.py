@@ -90,7 +90,8 @@ class StageWalk:
         self.joints: list[Any] = []
         self.skipped: Counter[str] = Counter()
         """Kinds of prims that have no triangles, such as "curves"."""
-        self.invisible = 0
+        self.invalid: list[str] = []
+        """What is wrong with prims that are left out, one clause each."""
         self._time, self._open_instancers = time, set[str]()
         self._count = 0
         self.meters = stage_meters(stage)
@@ -119,7 +120,6 @@ class StageWalk:
         if prim.IsA(UsdGeom.Imageable):
             imageable = UsdGeom.Imageable(prim)
             if imageable.GetVisibilityAttr().Get(self._time) == "invisible":
-                self.invisible += 1
                 return None
             purpose = imageable.GetPurposeAttr()
             if purpose.HasAuthoredValue():
@@ -157,6 +157,9 @@ class StageWalk:
         local = np.array(form.GetLocalTransformation(self._time), dtype=np.float64).T
         if not np.isfinite(local).all():
             raise ValueError(f"the transform of <{prim.GetPath()}> must be finite")
+        if local[3, 3] not in (0.0, 1.0):  # homogeneous coordinates, which renderers divide by their last one
+            local /= local[3, 3]
+        local[3] = (0.0, 0.0, 0.0, 1.0)
         if form.GetResetXformStack():
             return np.diag([self.meters, self.meters, self.meters, 1.0]) @ local
         return above.matrix @ local
@@ -186,7 +189,11 @@ class StageWalk:
         self._open_instancers.add(path)
         name = _named(path, above)
         try:
-            matrices, numbers, chosen = _instances(prim, self._time)
+            try:
+                matrices, numbers, chosen = _instances(prim, self._time)
+            except ValueError as error:
+                self.invalid.append(str(error))
+                return
             targets = prim.GetRelationship("prototypes").GetForwardedTargets()
             for number, target in enumerate(targets):
                 rows = np.flatnonzero(chosen == number)
