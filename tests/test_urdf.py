@@ -208,6 +208,8 @@ def test_missing_meshes_are_skipped_with_one_warning(tmp_path):
     assert names(load_with_warning(tmp_path, body, message)) == ["a"]
     with pytest.raises(FileFormatError, match=message):
         load(tmp_path, body, strict=True)
+    many = link("a", *(mesh(f"{number}.stl") for number in range(20)), BOX)
+    load_with_warning(tmp_path, many, "skipped 0.stl, 1.stl, 2.stl, 3.stl, 4.stl and 15 others, whose files")
 
 
 def test_materials_override_colors_of_meshes(tmp_path):
@@ -343,8 +345,31 @@ def test_xacro_is_expanded(tmp_path, name):
     np.testing.assert_allclose(scene.bounds, [[-2, -0.5, -0.5], [2, 0.5, 0.5]])
 
 
-def test_commas_and_bytes_after_the_end_are_allowed(tmp_path):
-    path = write(tmp_path, link("a", '<origin xyz="1, 2, 3"/>' + BOX))
+@pytest.mark.parametrize(
+    "element, message",
+    [
+        (
+            '<link name="$(arg size)"/>',
+            "Undefined .*argument size; give it by xacro a.xacro name:=",
+        ),
+        (
+            '<xacro:include filename="$(find far)/a"/>',
+            "the package 'far' was not found above the file or on the search",
+        ),
+        ('<link name="${far}"/>', "name 'far' is not defined"),
+        ("<xacro:part/>", "part"),
+    ],
+)
+def test_bad_xacro_raises_one_sentence(tmp_path, element, message):
+    pytest.importorskip("xacro")
+    (tmp_path / "a.xacro").write_text(f'<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{element}</robot>')
+    with pytest.raises(FileFormatError, match=f"a.xacro: xacro cannot expand it: .*{message}") as caught:
+        Scene.load(tmp_path / "a.xacro")
+    assert "\n" not in str(caught.value)
+
+
+def test_commas_defaults_of_variables_and_bytes_after_the_end_are_allowed(tmp_path):
+    path = write(tmp_path, link("a", '<origin xyz="1, $(optenv Y 2) 3"/>' + BOX))
     path.write_bytes(b"\n" + path.read_bytes() + b"\n\0")
     np.testing.assert_allclose(Scene.load(path).bounds.mean(axis=0), [1, 2, 3])
 

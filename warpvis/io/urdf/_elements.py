@@ -23,6 +23,8 @@ from warpvis.scene.joints import Joint, JointKind, JointTree, Mimic
 
 _XACRO_SPACE = re.compile(r"\{http://(www\.)?(ros\.org/wiki|wiki\.ros\.org)/xacro/?#?\w*\}")
 _UNBOUND = re.compile(r"[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_]")
+_OPTENV = re.compile(r"\$\(optenv\s+\S+\s*([^)]*)\)")
+"""A number from an environment variable, with a default value, that xacro was not applied to."""
 _SIZES = {"sphere": ("radius",), "cylinder": ("radius", "length"), "capsule": ("radius", "length")}
 """Attributes of round shapes. Capsules are an extension of Bullet, Drake, MoveIt and others."""
 
@@ -282,7 +284,7 @@ def _numbers(
         return [float(value) for value in otherwise]
     most = max(counts)
     try:
-        found = [float(word) for word in (text or "").replace(",", " ").split()]
+        found = [float(word) for word in _OPTENV.sub(r"\1", text or "").replace(",", " ").split()]
     except ValueError:
         found = []
     if len(found) > most:

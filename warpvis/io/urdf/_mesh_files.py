@@ -27,6 +27,10 @@ GRAY = Material(base_color=(0.5, 0.5, 0.5, 1.0))
 """Material of surfaces without a color, as in RViz and MuJoCo."""
 
 
+_MAX_LISTED = 5
+"""Maximum number of missing files in a warning."""
+
+
 class FileMesh(NamedTuple):
     """The triangles of a mesh file, and their appearance, if the file has any."""
 
@@ -75,7 +79,9 @@ class MeshFiles:
         parts = []
         if self.missing:
             searched = "in the robot's folder, in packages above it, or on the search path"
-            parts.append(f"{', '.join(map(truncate, self.missing))}, whose files were not found {searched}")
+            more = f" and {len(self.missing) - _MAX_LISTED} others" if len(self.missing) > _MAX_LISTED else ""
+            listed = ", ".join(map(truncate, self.missing[:_MAX_LISTED])) + more
+            parts.append(f"{listed}, whose files were not found {searched}")
         return [*parts, f"{', '.join(self.empty)}, without triangles"] if self.empty else parts
 
     def _load(self, path: Path) -> FileMesh | None:

@@ -100,7 +100,8 @@ def _parse(path: Path, search_path: Sequence[Path]) -> tuple[Robot, Places]:
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     root = parse_xml(path, text)
-    if is_xacro(root):
+    has_expressions = path.suffix.lower() == ".xacro" and (b"${" in text or b"$(" in text)
+    if has_expressions or is_xacro(root):
         root = parse_xml(path, expand_xacro(path, places))
     tag = str(root.tag).rpartition("}")[2]
     if tag != "robot":

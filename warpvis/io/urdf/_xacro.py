@@ -34,7 +34,9 @@ def expand_xacro(path: Path, places: Places) -> bytes:
         try:
             return xacro.process_file(str(path)).toxml(encoding="utf-8")
         except (Exception, SystemExit) as error:  # xacro evaluates expressions, which raise any exception
-            raise FileFormatError(f"{path}: xacro cannot expand it: {_describe(error)}") from None
+            reason = describe_exception(error)
+            hint = f"; give it by xacro {path.name} name:=value > robot.urdf" if "argument" in reason else ""
+            raise FileFormatError(f"{path}: xacro cannot expand it: {reason}{hint}") from None
 
 
 @contextlib.contextmanager
@@ -49,9 +51,3 @@ def _packages_of(find: Callable[[str], str]) -> Iterator[None]:
         yield
     finally:
         state._eval_find = symbols["find"] = former
-
-
-def _describe(error: BaseException) -> str:
-    """Describe an exception of xacro, which wraps others."""
-    inner = getattr(error, "exc", None)
-    return _describe(inner) if isinstance(inner, BaseException) else describe_exception(error)
