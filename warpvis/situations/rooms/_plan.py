@@ -285,6 +285,24 @@ class Plan:
                 return found
         return None
 
+    def clear_spot(self, size: tuple[float, float], yaw: float, tries: int = 12) -> tuple[float, float] | None:
+        """Draw the center of a rectangle of the floor without furniture, of a size along the axes of an item."""
+        for _ in range(tries):
+            x0, y0, x1, y1 = self.draws.choice(self.outline.rectangles)
+            at = round(self.draws.uniform(x0, x1), 3), round(self.draws.uniform(y0, y1), 3)
+            box = Box(*at, *direction(yaw), size[0] / 2, size[1] / 2, STEP_HEIGHT, 1.0)
+            extent = extent_of([box])
+            if (
+                self.outline.contains_box(box)
+                and not any(boxes_overlap(box, clear) for clear in self.keep_clear)
+                and not any(
+                    extents_meet(extent, item.extent) and any(boxes_overlap(box, other) for other in item.boxes)
+                    for item in self.items
+                )
+            ):
+                return at
+        return None
+
     def in_front(
         self,
         shape: Shape,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 from warpvis.situations.rooms._plan import Placed, Plan
 
@@ -17,7 +18,7 @@ def _chairs_around(
     """Place chairs at the long sides of a table, and at its ends, partly below its top."""
     width, length = table.shape.size[0], table.shape.size[1]
     shape, word = plan.shape(category), color or plan.color(category)
-    pitch = length / per_side
+    pitch = (length - 0.7) / max(per_side - 1, 1)  # chairs are between the legs
     places = [(side, (number - (per_side - 1) / 2) * pitch) for side in (-1, 1) for number in range(per_side)]
     for side, along in plan.draws.shuffled(places):
         if plan.draws.chance(0.12):
@@ -44,30 +45,26 @@ def _round_chairs(plan: Plan, table: Placed, category: str, count: int) -> None:
 def _free_table(plan: Plan, *, rug: bool = False) -> Placed | None:
     """Place a dining table in the room, with chairs, maybe on a rug."""
     draws = plan.draws
-    for _ in range(6):
-        is_round = draws.chance(0.3)
+    for attempt in range(8):
+        is_round = draws.chance(0.3 if attempt < 4 else 0.6)
         shape = plan.shape("round table" if is_round else "table")
         yaw = 90.0 * draws.below(4)
-        if rug and draws.chance(0.4):
-            carpet = plan.shape("rug", length=round(shape.size[1] + 1.6, 1), width=round(shape.size[0] + 1.6, 1))
-            below = plan.on_floor(carpet, tries=4, yaw=yaw)
-            table = below and plan.put(shape, (below.x, below.y), yaw)
-            if below and not table:
-                plan.items.remove(below)
+        room = shape.size[0] + 1.3, shape.size[1] + (1.3 if is_round else 0.3)
+        at = plan.clear_spot(room, yaw)
+        if at is None:
+            table = plan.on_floor(shape, tries=6, yaw=yaw) if attempt == 7 else None
         else:
-            table = plan.on_floor(shape, tries=4, yaw=yaw)
+            if rug and draws.chance(0.4):
+                carpet = plan.shape("rug", length=round(shape.size[1] + 1.4, 1), width=round(shape.size[0] + 1.4, 1))
+                plan.put(carpet, at, yaw)
+            table = plan.put(shape, at, yaw)
         if table is None:
             continue
         if is_round:
             _round_chairs(plan, table, "chair", 3 if shape.size[0] < 1 else 4)
         else:
-            _chairs_around(
-                plan,
-                table,
-                "chair",
-                per_side=1 if shape.size[1] < 1 else 2 if shape.size[1] < 1.7 else 3,
-                ends=draws.chance(0.5),
-            )
+            per_side = 1 if shape.size[1] < 1 else 2 if shape.size[1] < 1.7 else 3
+            _chairs_around(plan, table, "chair", per_side=per_side, ends=draws.chance(0.5))
         return table
     return None
 
@@ -274,8 +271,12 @@ def office(plan: Plan) -> None:
     else:
         for _ in range(draws.integer(1, 3)):
             _desk_against_wall(plan, "office chair")
+    if not any(item.shape.category == "desk" for item in plan.items):
+        _desk_against_wall(plan, "office chair", width=1.2, depth=0.7)
     if plan.outline.area > 20 and draws.chance(0.5):
-        table = plan.on_floor(plan.shape("table", length=1.8, width=0.9), quarter=True)
+        yaw = 90.0 * draws.below(4)
+        at = plan.clear_spot((2.2, 2.4), yaw)
+        table = None if at is None else plan.put(plan.shape("table", length=1.8, width=0.9), at, yaw)
         if table is not None:
             _chairs_around(
                 plan, table, "office chair" if draws.chance(0.4) else "chair", per_side=2, ends=draws.chance(0.4)
@@ -312,8 +313,14 @@ def _desk_rows(plan: Plan) -> None:
                 _equip_desk(plan, desk, "office chair", word)
 
 
-def _desk_against_wall(plan: Plan, chair: str) -> None:
-    desk = plan.against_wall(plan.shape("desk"), below_window=plan.draws.chance(0.4), access=0.75)
+def _desk_against_wall(plan: Plan, chair: str, **parameters: Any) -> None:
+    """Place a desk with its back to a wall, maybe below a window."""
+    desk = plan.against_wall(
+        plan.shape("desk", **parameters),
+        below_window=plan.draws.chance(0.4),
+        access=0.75,
+        tries=30 if parameters else 14,
+    )
     if desk is not None:
         _equip_desk(plan, desk, chair, plan.color(chair))
 
