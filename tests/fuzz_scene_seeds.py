@@ -60,6 +60,14 @@ def _see_file(name: str, **options: object) -> Callable[[Path], None]:
     return lambda folder: see(wv.Scene.load(folder / name, **options))
 
 
+def _see_sensors(name: str) -> Callable[[Path], None]:
+    def read(folder: Path) -> None:
+        for sensor in wv.io.read_sensors(folder / name).values():
+            assert np.isfinite(sensor.pose).all() and sensor.camera.width > 0
+
+    return read
+
+
 def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         world = wv.webots.load_webots(folder / name, search_path=[folder / place for place in search_path])
@@ -292,6 +300,7 @@ def models(root: Path) -> Iterator[Item]:
 
     from support.lights import MODEL
     from support.model_files import ROBOT
+    from support.sdf_files import CONFIG, TABLE, WHOLE
 
     stl, obj = _BOX.export(file_type="stl"), trimesh.exchange.obj.export_obj(_BOX)
     files = {
@@ -309,6 +318,9 @@ def models(root: Path) -> Iterator[Item]:
     yield "MJCF", files, (), _see_file("a.xml")
     robot = {"robots/urdf/a.urdf": ROBOT, "robots/meshes/hand.stl": stl}
     yield "URDF", robot, (), _see_file("robots/urdf/a.urdf", movable=True)
+    gazebo = {"a.sdf": WHOLE, "table/model.sdf": TABLE, "table/model.config": CONFIG, "table/hand.stl": stl}
+    yield "SDF", gazebo, ("a.sdf", "table/model.sdf", "table/model.config"), _see_file("a.sdf", movable=True)
+    yield "SDF", gazebo, ("a.sdf",), _see_sensors("a.sdf")
 
 
 def png(width: int, height: int, dtype: type = np.uint8) -> bytes:

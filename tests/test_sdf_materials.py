@@ -313,6 +313,12 @@ def test_infinite_limits_and_repeated_names(tmp_path):
         assert wv.Scene.load(path).joints.names == ("r::j", "r::base", "r::tip")
 
 
+def test_joint_with_the_name_of_a_link(tmp_path):
+    """Files of Gazebo Classic have these."""
+    scene = load(tmp_path, robot(joint("base", "revolute", "base", "arm", Z)))
+    assert scene.joints.names == ("r::base", "r::base::floating", "r::tip")
+
+
 def test_static_models_have_no_joints(tmp_path):
     text = robot(joint("j", "revolute", "base", "arm", Z), more="<static>true</static>")
     assert len(load(tmp_path, text).joints) == 0

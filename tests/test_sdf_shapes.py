@@ -186,7 +186,7 @@ def test_elevation_model_without_rasterio(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     write(tmp_path, "x", "dem.tif")
     path = write(tmp_path, link("<heightmap><uri>dem.tif</uri></heightmap>"))
-    with pytest.raises(FileFormatError, match="pip install rasterio"):
+    with pytest.raises(FileFormatError, match=r"pip install 'warpvis\[geo\]'"):
         wv.Scene.load(path, strict=True)
 
 

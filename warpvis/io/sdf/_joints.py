@@ -76,7 +76,7 @@ class Joints:
         for link, pose in poses.items():
             if link != WORLD and link not in self._parents:
                 self._parents[link] = WORLD
-                self.joints.append(Joint(link, "floating", WORLD, link, initial=poses_to_opencv(pose)[0]))
+                self._add_floating(link, pose)
 
     def add_tree(self, tree: JointTree, prefix: str, pose: Matrix) -> None:
         """Add the joints of an included URDF file, with a prefix for all names, at the pose of its first link."""
@@ -88,8 +88,12 @@ class Joints:
         for link in tree.links:
             self.links.add(prefix + link)
             if link not in children:
-                initial = poses_to_opencv(pose)[0]
-                self.joints.append(Joint(prefix + link, "floating", WORLD, prefix + link, initial=initial))
+                self._add_floating(prefix + link, pose)
+
+    def _add_floating(self, link: str, pose: Matrix) -> None:
+        taken = {joint.name for joint in self.joints}
+        name = link if link not in taken else f"{link}::floating"
+        self.joints.append(Joint(name, "floating", WORLD, link, initial=poses_to_opencv(pose)[0]))
 
     def _add(self, frame: Frame, model: Scope, poses: dict[str, Matrix]) -> None:
         node, name = frame.node, f"{model.prefix}{frame.name}"

@@ -112,7 +112,8 @@ class Document:
         except FileFormatError as error:
             self.missing.append(f"{place}: {error}")
             return
-        if path is None:
+        is_itself = path is not None and path.resolve() in self._stack
+        if path is None or (is_itself and uri.startswith("http")):  # a folder with the name of a model of Fuel
             self.missing.append(f"{place}, which was not found; search_path adds folders to search")
             return
         key = path.resolve()

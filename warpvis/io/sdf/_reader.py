@@ -18,7 +18,7 @@ from warpvis.core.categories import label_of_category
 from warpvis.core.checks import truncate
 from warpvis.core.labels import LABEL_COUNT, Label
 from warpvis.core.poses import poses_to_matrices, poses_to_opencv
-from warpvis.errors import FileFormatError
+from warpvis.errors import FileFormatError, SceneError
 from warpvis.io.sdf._joints import Joints
 from warpvis.io.sdf._lights import read_environment, read_light
 from warpvis.io.sdf._load import Document, load_document
@@ -104,7 +104,10 @@ class _Reader:
                 self._read_actor(actor, None)
         if all(light.kind == "ambient" for light in lights):
             lights = [HEADLIGHT]
-        tree = self.joints.tree()
+        try:
+            tree = self.joints.tree()
+        except SceneError as error:
+            raise FileFormatError(f"{document.path}: {error}") from None
         self.notes.update(dict.fromkeys(self.joints.notes))
         warnings = self._warnings()
         if self.strict and (self.document.missing or self.shapes.skipped or self.materials.missing):

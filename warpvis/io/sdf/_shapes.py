@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import describe_exception
-from warpvis.core.file_content import require_content
+from warpvis.core.file_content import require_content, require_package
 from warpvis.errors import FileFormatError
 from warpvis.io.sdf._xml import Node, parse_numbers
 from warpvis.scene.solids import DEFAULT_MESH_TOLERANCE, Solid, capsule, cylinder, ellipsoid, largest_error, sphere
@@ -206,12 +206,7 @@ def _read_image(path: Path) -> NDArray[np.float64]:
 
 def _read_dem(path: Path) -> tuple[NDArray[np.float64], tuple[float, float, float]]:
     """Read the elevations of a digital elevation model above its lowest point [m], and its size [m]."""
-    try:
-        import rasterio
-    except ImportError:
-        raise FileFormatError(
-            f"{path}: reading elevation models needs rasterio, which is missing: pip install rasterio"
-        ) from None
+    rasterio = require_package("rasterio", f"{path}: reading elevations needs rasterio", "geo")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
