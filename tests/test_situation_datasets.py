@@ -161,6 +161,28 @@ def test_datasets_reads_the_folder(tmp_path, whole, monkeypatch, name):
             np.testing.assert_allclose(depth[1:], 1000 * situation.images["camera/depth"][1:], atol=0.51)
 
 
+def test_lerobot_dataset(tmp_path, whole, monkeypatch):
+    """Read the dataset as LeRobot does: tasks with pandas, frames with `datasets`; and depth as a recording."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    pandas, datasets = pytest.importorskip("pandas"), pytest.importorskip("datasets")
+    folder, situations = whole / "lerobot", expected()
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    assert info["codebase_version"] == "v3.0" and info["total_frames"] == info["total_episodes"] == 40
+    tasks = pandas.read_parquet(folder / "meta" / "tasks.parquet")
+    assert tasks["task_index"].tolist() == list(range(info["total_tasks"])) and tasks.index.is_unique
+    episodes = pandas.read_parquet(folder / "meta" / "episodes" / "chunk-000" / "file-000.parquet")
+    loaded = datasets.load_dataset(str(folder), split="train", cache_dir=str(tmp_path))
+    assert set(loaded.column_names) == set(info["features"])
+    for number, (row, situation) in enumerate(zip(loaded, situations, strict=True)):
+        assert row["index"] == row["episode_index"] == number and row["frame_index"] == 0
+        assert tasks.iloc[row["task_index"]].name == situation.questions[0].text == episodes["tasks"][number][0]
+        assert episodes["data/file_index"][number] == number // 10 and row["answer"] == situation.questions[0].answer
+        picture = np.asarray(row["observation.images.camera"])
+        np.testing.assert_array_equal(picture, situation.images["camera/color"])
+    recording = wv.open_recording(folder, camera=wv.Camera.from_fov(8, 6, hfov=1.0), episode=23)
+    np.testing.assert_allclose(recording[0].depth[1:], situations[23].images["camera/depth"][1:], atol=5.1e-4)
+
+
 def test_datasheet(whole):
     text = (whole / "parquet" / "README.md").read_text()
     card, _, body = text.removeprefix("---\n").partition("---\n")

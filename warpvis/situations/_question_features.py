@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ def measure(situation: Situation) -> Measures:
     for name, text, _, _ in items:
         for key in {plain_words(text), plain_words(name)}:
             words[key] = "" if words.get(key, name) != name else name
-    pose = situation.camera.get("pose")
+    pose: Any = situation.camera.get("pose")
     picture = np.zeros((len(items), len(SHORTCUTS)))
     if isinstance(pose, Sequence) and len(items):
         seen = _in_frame(tuple(pose), positions)

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from warpvis.batch.situations._base import find_situation_format as find_situation_format
 from warpvis.batch.situations._generate import SituationSummary, generate_situations
 from warpvis.batch.situations._stored import SituationDataset, open_situations
 

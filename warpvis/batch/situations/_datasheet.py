@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import statistics
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -160,7 +160,7 @@ def _shortcut_row(item: Shortcut, report: ShortcutReport) -> tuple[str, ...]:
 
 
 def _regenerate(manifest: Manifest, job: SituationJob, command: str | None) -> str:
-    versions = ", ".join(f"{name} {version}" for name, version in dict(manifest["versions"]).items())  # type: ignore[arg-type, call-overload]
+    versions = ", ".join(f"{name} {version}" for name, version in dict(manifest["versions"]).items())  # type: ignore[arg-type]
     code = f"    {command}\n\nor in Python\n\n" if command else ""
     return f"""## Regenerate
 
@@ -178,7 +178,7 @@ checksums.
 """
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = [header, ("---",) * len(header), *rows]
     return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines) + "\n"
 

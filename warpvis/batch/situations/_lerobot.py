@@ -179,12 +179,12 @@ class Lerobot(SituationFormat):
         }
         files.write_text("meta/info.json", json.dumps(info, indent=4) + "\n")
         # The layout of a pandas table whose index are the tasks.
-        names = {"index_columns": ["task"], "column_indexes": [], "columns": []}
-        names["columns"] = [
+        columns = [
             {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype, "metadata": None}
             for name, kind, dtype in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
         ]
         table = pa.table({"task_index": pa.array(tasks.values(), pa.int64()), "task": pa.array(tasks, pa.string())})
+        names = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
         table = table.replace_schema_metadata({"pandas": json.dumps(names)})
         files.write("meta/tasks.parquet", parquet_bytes(table, rows=10_000))
         name = "meta/episodes/chunk-000/file-000.parquet"
