@@ -245,9 +245,44 @@ def test_articulated_objects(tmp_path):
         low, high = item.vertices.min(axis=0), item.vertices.max(axis=0)
         np.testing.assert_allclose((low, high), (corners.min(axis=0), corners.max(axis=0)), atol=1e-6)
     assert [item.movable for item in scene] == [False, True]
-    bent = {"articulated_object_instances": [{"template_name": "drawer", "initial_joint_pose": {"hinge": 0.5}}]}
-    with pytest.warns(UserWarning, match=r"initial_joint_pose'\] is ignored; joints are at their zero position"):
-        Scene.load(write(tmp_path, "scenes/b.scene_instance.json", bent))
+
+
+@pytest.mark.parametrize("initial", [{"hinge": 0.5}, [0.5]])
+def test_joints_of_articulated_objects(tmp_path, initial):
+    item = {"template_name": "drawer", **TURNED, "uniform_scale": 0.5, "initial_joint_pose": initial}
+    items = [item, {"template_name": "drawer"}, {"template_name": "drawer", "motion_type": "STATIC"}]
+    path = make_dataset(tmp_path, {"articulated_object_instances": items}, **{"urdf__d__drawer.urdf": URDF})
+    scene = Scene.load(path, movable=True)
+    assert scene.joints.names == ("drawer/hinge", "drawer_1/hinge")
+    assert [item.movable for item in scene] == [False, True, False, True, False, False]
+    turned = np.eye(4)
+    turned[:3, :3] = Rotation.from_rotvec((0, 0.5, 0)).as_matrix()
+    hinge = placed((1, 2, 3), TURN) @ placed((0, 0, 1)) @ turned
+    door = list(scene)[1]
+    corners = trimesh.creation.box((0.05, 0.1, 0.15)).apply_transform(hinge).vertices @ TO_Z_UP.T
+    expected = corners.min(axis=0), corners.max(axis=0)
+    np.testing.assert_allclose((door.vertices.min(axis=0), door.vertices.max(axis=0)), expected, atol=1e-6)
+    poses = scene.joints.poses({"drawer/hinge": np.array([0.0, 0.5])})
+    upright = np.eye(4)
+    upright[:3, :3] = TO_Z_UP
+    expected = [upright @ placed((1, 2, 3), TURN) @ placed((0, 0, 1)), upright @ hinge]
+    np.testing.assert_allclose(poses[:, 0, :3], [matrix[:3, 3] for matrix in expected], atol=1e-6)
+    for row, matrix in zip(poses[:, 0], expected, strict=True):
+        np.testing.assert_allclose(Rotation.from_quat(row[3:]).as_matrix(), matrix[:3, :3], atol=1e-6)
+
+
+def test_invalid_values_of_joints(tmp_path):
+    for number, (initial, message) in enumerate(
+        [
+            ({"knee": 1}, r"'initial_joint_pose'\] does not fit the joints: values of 'knee' fit no joint"),
+            ([1, 2], r"'initial_joint_pose'\] must be 1 finite numbers, got \[1, 2\]"),
+            ({"hinge": "x"}, r"'initial_joint_pose'\]\['hinge'\] must be a finite number, got \"x\""),
+        ]
+    ):
+        item = {"template_name": "drawer", "initial_joint_pose": initial}
+        scene = {"articulated_object_instances": [item]}
+        with pytest.raises(FileFormatError, match=message):
+            Scene.load(make_dataset(tmp_path / str(number), scene, **{"urdf__d__drawer.urdf": URDF}))
 
 
 def test_metadata(tmp_path):

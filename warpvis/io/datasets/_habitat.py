@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,10 @@ from warpvis.errors import FileFormatError
 from warpvis.io._meshes import unique_names
 from warpvis.io.datasets._bop import read_bop
 from warpvis.io.datasets._fields import Fields
+from warpvis.io.datasets._habitat_joints import ScaledMeshes, place_robot
 from warpvis.io.datasets._habitat_templates import DATASET, SCENE, Dataset, Template
 from warpvis.scene import FileParts, Part
+from warpvis.scene.joints import JointTree
 from warpvis.scene.lights import HEADLIGHT, Light
 
 _CONFIGS = {".stage_config.json": "stages", ".object_config.json": "objects", ".ao_config.json": "articulated_objects"}
@@ -63,7 +65,7 @@ def read_habitat(path: Path, *, search_path: Sequence[Path] = (), strict: bool =
     messages = (*left_out, *scene.notes, *dataset.warnings)
     names = unique_names([part.name for part in scene.parts])
     parts = [replace(part, name=name) for name, part in zip(names, scene.parts, strict=True)]
-    return FileParts(path, parts, up="y", warnings=messages, lights=lights)
+    return FileParts(path, parts, up="y", warnings=messages, lights=lights, joints=scene.joints)
 
 
 class _Scene:
@@ -74,6 +76,7 @@ class _Scene:
         self._dataset = dataset
         self._origin = fields.text("translation_origin", "asset_local").lower()
         self._lexicon, self._categories = dataset.lexicon(fields), dataset.categories()
+        self.joints, self._meshes = JointTree(), ScaledMeshes()
         self._missing: dict[str, int] = {}
         self._broken: dict[str, int] = {}
 
@@ -106,7 +109,7 @@ class _Scene:
             self._broken[str(path)] = self._broken.get(str(path), 0) + 1
             return
         if is_jointed:
-            self.parts += self._jointed(template, item, path)
+            self._add_jointed(template, item, path)
             return
         if template.fields.number("units_to_meters", 1.0) != 1:
             note = f"{template.fields.location} units_to_meters is ignored, as in Habitat-Sim; write it into 'scale'"
@@ -154,39 +157,25 @@ class _Scene:
         known = self._categories.get(name, "")
         return self._lexicon.get(number, known) or known
 
-    def _jointed(self, template: Template, item: Fields, path: Path) -> Iterator[Part]:
-        """Yield the parts of an articulated object at the joints' zero position."""
-        from warpvis.io._scene_files import read_parts
-
-        found = read_parts(path)
-        self._dataset.warnings += [message for message in found.warnings if message not in self._dataset.warnings]
+    def _add_jointed(self, template: Template, item: Fields, path: Path) -> None:
+        """Add an articulated object."""
         factor = template.fields.number("uniform_scale", 1.0) * item.number("uniform_scale", 1.0)
+        if not factor > 0:
+            raise FileFormatError(f"{item.location} the scale must be greater than 0, got {factor:g}")
         if "non_uniform_scale" in item.values:
             self.notes.append(
                 f"{item.named('non_uniform_scale')} is ignored, since Habitat-Sim scales joints uniformly"
             )
-        if item.values.get("initial_joint_pose"):
-            self.notes.append(f"{item.named('initial_joint_pose')} is ignored; joints are at their zero position")
-        base = _pose(item)
         name = template.name
-        category = self._category(name, template)
-        moves = _moves(item)
         prefix = unique_names([*dict.fromkeys(part.name.partition("/")[0] for part in self.parts), name])[-1]
-        for part in found.parts:
-            local = np.eye(4) if part.pose is None else _matrix(part.pose)
-            local[:3, 3] *= factor
-            yield replace(
-                part,
-                name=f"{prefix}/{part.name}",
-                mesh=_scaled(part, factor),
-                pose=poses_to_opencv(base @ local)[0],
-                label=label_of_category(category),
-                category=category,
-                movable=moves and part.movable,
-                attach_to=None if part.attach_to is None or not moves else f"{prefix}/{part.attach_to}",
-                aliases=(*part.aliases, name),
-                extras=_extras(template, item),
-            )
+        parts, joints = place_robot(self._dataset.robot(path), prefix, _pose(item), factor, item, self._meshes)
+        if _moves(item):
+            self.joints = self.joints.joined(joints)
+        else:
+            parts = [replace(part, movable=False, attach_to=None, link=None) for part in parts]
+        category = self._category(name, template)
+        shared = {"label": label_of_category(category), "category": category, "extras": _extras(template, item)}
+        self.parts += [replace(part, aliases=(*part.aliases, name), **shared) for part in parts]
 
     def left_out(self) -> list[str]:
         """Return sentences about instances without a template or a mesh."""
@@ -255,18 +244,6 @@ def _pose(item: Fields) -> NDArray[np.float64]:
     if not np.linalg.norm((w, x, y, z)) > 0:
         raise FileFormatError(f"{item.named('rotation')} must be a quaternion w x y z of length 1, got length 0")
     return poses_to_matrices(np.array([*item.vector("translation", (0.0, 0.0, 0.0)).tolist(), x, y, z, w]))
-
-
-def _matrix(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    return pose.copy() if pose.shape == (4, 4) else poses_to_matrices(pose)
-
-
-def _scaled(part: Part, factor: float) -> Any:
-    if factor == 1:
-        return part.mesh
-    if not isinstance(part.mesh, tuple):
-        return part.mesh.scaled(factor)
-    return part.mesh[0] * factor, part.mesh[1]
 
 
 def _center(template: Template, factors: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,6 +20,8 @@ from warpvis.errors import FileFormatError
 from warpvis.io._meshes import read_mesh_file
 from warpvis.io.datasets._fields import Fields
 from warpvis.io.datasets._joined import Shape, join, placed
+from warpvis.io.urdf import read_urdf
+from warpvis.scene import FileParts
 
 SCENE, DATASET = ".scene_instance.json", ".scene_dataset_config.json"
 _SUFFIXES = {
@@ -85,6 +87,7 @@ class Dataset:
         self._templates: dict[tuple[str, str], Template | None] = {}
         self._shapes: dict[tuple[Path, bytes], Shape] = {}
         self._files: dict[Path, list[tuple[str, Shape]]] = {}
+        self._robots: dict[Path, FileParts] = {}
         self.warnings: list[str] = []
 
     def template(self, kind: str, handle: str) -> Template | None:
@@ -176,6 +179,13 @@ class Dataset:
                 word = next((row[column] for column in columns if row[column]), "")
                 found.setdefault(row["id"], word.split(".")[0])
         return found
+
+    def robot(self, path: Path) -> FileParts:
+        """Read a URDF file; once for all of its instances."""
+        if path not in self._robots:
+            self._robots[path] = read_urdf(path)
+            self.warnings += self._robots[path].warnings
+        return self._robots[path]
 
     def shapes(self, path: Path, linear: NDArray[np.float64], *, joined: bool) -> list[tuple[str, Shape]]:
         """Return the meshes of a file under a linear map, each with its name; the same arrays for the same map."""
