@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import fuzz_data_seeds
+import fuzz_dataset_seeds
 import fuzz_scene_seeds
 
 
@@ -28,7 +29,7 @@ class Seed:
 
 def make_seeds(root: Path) -> list[Seed]:
     """Write the files to subfolders of `root` and return their seeds."""
-    makers = (*fuzz_scene_seeds.MAKERS, *fuzz_data_seeds.MAKERS)
+    makers = (*fuzz_scene_seeds.MAKERS, *fuzz_dataset_seeds.MAKERS, *fuzz_data_seeds.MAKERS)
     seeds = []
     for maker in makers:
         for number, (kind, files, changed, read) in enumerate(maker(root)):

@@ -295,3 +295,15 @@ def test_invalid_ply(tmp_path, case):
     with pytest.raises(WarpvisError, match=message) as caught:
         Scene.load(path)
     assert re.match(rf"{re.escape(str(path))}: ", str(caught.value)) and "\n" not in str(caught.value)
+
+
+def test_corners_that_are_no_vertices(tmp_path):
+    path = scans.write_hm3d(tmp_path)
+    content = path.read_bytes()
+    first = scans.joined()[1][:2].astype("<u4").tobytes()
+    assert first in content
+    path.write_bytes(content.replace(first, b"\xff\xff\xff\x0f" + first[4:]))
+    with pytest.raises(
+        FileFormatError, match=r"semantic.glb: corners of .* must be vertices from 0 to 65, got 268435455"
+    ):
+        Scene.load(path)

@@ -164,5 +164,5 @@ def _read_model(folder: Path, number: int) -> Shape:
     found = read_mesh_file(path, search_path=(), strict=False)
     if not found.parts:
         raise FileFormatError(f"{path}: holds no triangles")
-    shape = join(found.parts)
+    shape = join(found.parts, path)
     return shape._replace(vertices=shape.vertices * _MILLIMETER)

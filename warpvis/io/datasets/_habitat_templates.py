@@ -193,8 +193,8 @@ class Dataset:
         if key not in self._files:
             found = read_mesh_file(path, search_path=(), strict=False)
             self.warnings += [message for message in found.warnings if message not in self.warnings]
-            named = [(part.name, placed(part)) for part in found.parts]
-            self._files[key] = [("", join(found.parts))] if joined and named else named
+            named = [(part.name, placed(part, path)) for part in found.parts]
+            self._files[key] = [("", join(found.parts, path))] if joined and named else named
         result = []
         for number, (name, shape) in enumerate(self._files[key]):
             place = key / str(number), linear.tobytes()

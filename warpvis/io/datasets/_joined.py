@@ -6,12 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import FileFormatError
 from warpvis.scene import Part, keep_winding
 from warpvis.scene.appearances import LazyAppearance
 from warpvis.scene.materials import Appearance
@@ -36,9 +38,9 @@ class Shape(NamedTuple):
         return Shape(self.vertices @ linear.T, keep_winding(self.faces, linear), appearance)
 
 
-def join(parts: Sequence[Part]) -> Shape:
+def join(parts: Sequence[Part], path: Path) -> Shape:
     """Return the parts of a mesh file as one mesh in the file's frame."""
-    shapes = [placed(part) for part in parts]
+    shapes = [placed(part, path) for part in parts]
     if len(shapes) == 1:
         return shapes[0]
     firsts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
@@ -48,14 +50,18 @@ def join(parts: Sequence[Part]) -> Shape:
     return Shape(np.concatenate([shape.vertices for shape in shapes]), np.concatenate(faces), appearance)
 
 
-def placed(part: Part) -> Shape:
-    """Return the mesh of a part in the file's frame."""
+def placed(part: Part, path: Path) -> Shape:
+    """Return the mesh of a part of a file in the file's frame; raise a `FileFormatError` if its faces are invalid."""
     assert not isinstance(part.mesh, Solid)  # mesh files have none
     vertices, faces = part.mesh
     appearance = part.appearance
     if isinstance(appearance, Appearance):
         appearance = LazyAppearance(None, appearance)
     shape = Shape(np.asarray(vertices, dtype=np.float64), np.asarray(faces), appearance)
+    count = len(shape.vertices)
+    if len(shape.faces) and not 0 <= shape.faces.min() <= shape.faces.max() < count:
+        wrong = shape.faces[(shape.faces < 0) | (shape.faces >= count)][0]
+        raise FileFormatError(f"{path}: corners of {part.name!r} must be vertices from 0 to {count - 1}, got {wrong}")
     if part.pose is None:
         return shape
     matrix = part.pose if part.pose.shape == (4, 4) else poses_to_matrices(part.pose)

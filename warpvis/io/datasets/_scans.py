@@ -147,12 +147,12 @@ def _read_hm3d(path: Path, table: Path) -> FileParts:
         instances.append(Instance(int(match[1]), match[3], extras=extras))
         colors.append(int(match[2], 16))
     found = read_mesh_file(path, search_path=(), strict=False)
-    shapes = [placed(part) for part in found.parts]
+    shapes = [placed(part, path) for part in found.parts]
     if not shapes:
         return found
     places = {color: place for place, color in enumerate(colors)}
     numbers = np.concatenate([_color_places(shape, places) for shape in shapes])
-    return scan_parts(path, join(found.parts), numbers, instances, "z", found.warnings)
+    return scan_parts(path, join(found.parts, path), numbers, instances, "z", found.warnings)
 
 
 def _color_places(shape: Shape, places: dict[int, int]) -> NDArray[np.int64]:
