@@ -14,7 +14,19 @@ import warpvis as wv
 from warpvis.cli import name_options
 from warpvis.core.outputs import IMAGE_NAMES, OUTPUTS, SENSOR_NAMES, Output
 
-COMMANDS = ["demo", "render", "batch", "verify", "warmup", "check", "perspective", "view", "info", "sensor-fit"]
+COMMANDS = [
+    "demo",
+    "render",
+    "batch",
+    "generate",
+    "verify",
+    "warmup",
+    "check",
+    "perspective",
+    "view",
+    "info",
+    "sensor-fit",
+]
 ORBIT = "orbit target=0.5,0,0.5 radius=3 height=1 count=2"
 
 

@@ -21,6 +21,7 @@ import warpvis
 from warpvis.cli import _interrupts
 from warpvis.cli._check import Check
 from warpvis.cli._datasets import Batch, Verify, Warmup
+from warpvis.cli._generate import Generate
 from warpvis.cli._info import Info, SensorFit
 from warpvis.cli._output import name_options, with_help
 from warpvis.cli._perspective import Perspective, View
@@ -52,7 +53,9 @@ def main() -> None:
         print(f"warpvis {warpvis.__version__}")
         return
     with _interrupts.exiting_on_interrupt(), _interrupts.exiting_on_closed_output():
-        commands = Demo | Render | Batch | Verify | Warmup | Check | Perspective | View | Watch | Info | SensorFit
+        commands = (
+            Demo | Render | Batch | Generate | Verify | Warmup | Check | Perspective | View | Watch | Info | SensorFit
+        )
         run_command(tyro.cli(commands, prog="warpvis", description=_DESCRIPTION).run)
 
 
