@@ -80,6 +80,14 @@ def test_folders_of_models(tmp_path):
     expect(Scene.load(folder / "scene_gt.json", search_path=tmp_path / "cad"), PLACES[3], np.eye(4))
 
 
+def test_colors_of_models(tmp_path):
+    folder = write_identity(tmp_path)
+    mesh = MODELS[5].copy()
+    mesh.visual.vertex_colors = [200, 100, 50, 255]
+    mesh.export(tmp_path / "models/obj_000005.ply")
+    assert (load_bop_scene(folder)["obj_000005"].appearance.vertex_colors == (200, 100, 50, 255)).all()
+
+
 def test_several_cameras(tmp_path):
     folder = write_bop(tmp_path, CAMERAS, PLACES)
     for name in ("scene_gt", "scene_camera"):

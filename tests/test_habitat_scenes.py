@@ -301,6 +301,18 @@ def test_ignored_fields(tmp_path):
     assert len(Scene.load(make_dataset(tmp_path, scene, config=config, objects=objects), strict=True)) == 1
 
 
+def test_ignored_fields_of_articulated_objects(tmp_path):
+    item = {"template_name": "drawer", "fixed_base": False, "initial_joint_velocities": [1], "mass_scale": 2}
+    path = make_dataset(tmp_path, {"articulated_object_instances": [item]}, **{"urdf__d__drawer.urdf": URDF})
+    assert [item.movable for item in Scene.load(path, movable=True, strict=True)] == [False, True]
+
+
+def test_primitives_are_not_found(tmp_path):
+    items = [{"template_name": "cup"}, {"template_name": "cubeSolid"}]
+    with pytest.warns(UserWarning, match="left out 1 instance whose template was not found: 'cubeSolid'"):
+        assert len(Scene.load(make_dataset(tmp_path, {"object_instances": items}))) == 1
+
+
 @pytest.mark.parametrize("name", ["objects/c/cup.object_config.json", "stages/room.stage_config.json"])
 def test_templates_are_scenes(tmp_path, name):
     make_dataset(tmp_path, {"object_instances": []}, objects={"cup": {"scale": [2, 2, 2]}})

@@ -125,6 +125,13 @@ def test_faces_between_objects_go_to_most_corners(tmp_path):
     assert [item.category for item in Scene.load(path)] == ["floor"]
 
 
+def test_a_segment_of_several_objects_belongs_to_the_last(tmp_path):
+    path = scans.write_scannet(tmp_path)
+    groups = [*scans.GROUPS, {"id": 8, "objectId": 9, "segments": [30], "label": "mirror"}]
+    scans.write_json(tmp_path / "scene0000_00.aggregation.json", {"segGroups": groups})
+    assert [item.name for item in Scene.load(path)] == ["floor_0", "office_chair_1", "mirror_9", "unlabeled"]
+
+
 def test_scans_without_files_of_objects_are_meshes(tmp_path):
     path = scans.write_ply(tmp_path / "scene0000_00_vh_clean_2.ply")
     assert [item.name for item in Scene.load(path)] == ["scene0000_00_vh_clean_2"]

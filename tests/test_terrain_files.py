@@ -202,6 +202,12 @@ def test_other_files(tmp_path, content):
     assert "\n" not in str(caught.value)
 
 
+def test_other_rasters_are_not_read(tmp_path):
+    (tmp_path / "dem.asc").write_text("ncols 2")
+    with pytest.raises(FileFormatError, match=r"dem.asc: '.asc' is not a scene format"):
+        Scene.load(tmp_path / "dem.asc")
+
+
 def test_large_rasters(tmp_path, monkeypatch):
     monkeypatch.setattr(_terrain, "_MAX_PIXELS", 100)
     with pytest.raises(
