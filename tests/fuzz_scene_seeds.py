@@ -323,6 +323,24 @@ def models(root: Path) -> Iterator[Item]:
     yield "SDF", gazebo, ("a.sdf",), _see_sensors("a.sdf")
 
 
+def usd(root: Path) -> Iterator[Item]:
+    from support.usd_stages import METERS, VARIED, textured
+
+    if not find_spec("pxr"):
+        return
+    from pxr import Sdf, UsdUtils
+
+    text, image = METERS + VARIED + textured("a.png"), png(4, 4)
+    yield "USDA", {"a.usda": text, "a.png": image}, ("a.usda",), _see_file("a.usda", movable=["*"])
+    folder = root / "usd"
+    folder.mkdir(exist_ok=True)
+    (folder / "a.usda").write_text(text)
+    (folder / "a.png").write_bytes(image)
+    # Not USDC: usd-core allocates the sizes that a damaged file states, gigabytes of them.
+    UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(folder / "a.usda")), str(folder / "a.usdz"))
+    yield "USDZ", {"a.usdz": (folder / "a.usdz").read_bytes()}, (), _see_file("a.usdz")
+
+
 def png(width: int, height: int, dtype: type = np.uint8) -> bytes:
     whole = io.BytesIO()
     pixels = (np.arange(width * height) % 251).reshape(height, width).astype(dtype)
@@ -330,4 +348,4 @@ def png(width: int, height: int, dtype: type = np.uint8) -> bytes:
     return whole.getvalue()
 
 
-MAKERS = (meshes, gltf, labels, archives, worlds, models)
+MAKERS = (meshes, gltf, labels, archives, worlds, models, usd)

@@ -77,3 +77,50 @@ def Material "Wood"
     }}
 }}
 """
+
+
+VARIED = f"""
+def Xform "room" (prepend apiSchemas = ["SemanticsLabelsAPI:class"])
+{{
+    token[] semantics:labels:class = ["room"]
+    double3 xformOp:translate = (0, 0, 1)
+    float3 xformOp:rotateXYZ = (10, 20, 30)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateXYZ"]
+    def Cube "box" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+    {{
+        double size = 2
+        color3f[] primvars:displayColor = [(1, 0, 0)]
+    }}
+    def Capsule "pill" {{
+        uniform token axis = "X"
+    }}
+    def PhysicsRevoluteJoint "hinge"
+    {{
+        rel physics:body1 = </room/box>
+        float physics:lowerLimit = -10
+        float physics:upperLimit = 10
+    }}
+    def PointInstancer "many"
+    {{
+        rel prototypes = [</room/many/leaf>]
+        int[] protoIndices = [0, 0, 0]
+        point3f[] positions = [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+        quath[] orientations = [(1, 0, 0, 0), (0.7, 0, 0, 0.7), (1, 0, 0, 0)]
+        int64[] invisibleIds = [2]
+        {mesh("leaf")}
+    }}
+}}
+def Xform "copy" (
+    instanceable = true
+    prepend references = </room>
+)
+{{
+}}
+def RectLight "lamp"
+{{
+    float inputs:intensity = 100
+}}
+def Camera "eye" {{
+}}
+"""
+"""A stage with many elements."""

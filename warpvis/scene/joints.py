@@ -335,8 +335,8 @@ def _scaled_joint(joint: Joint, factor: float) -> Joint:
     changes: dict[str, Any] = {"initial": initial}
     if joint.kind == "prismatic" and joint.limits is not None:
         changes["limits"] = (factor * joint.limits[0], factor * joint.limits[1])
-    frames = {name: _scaled_pose(getattr(joint, name), factor) for name in ("origin", "child_origin")}
-    return replace(joint, **frames, **changes)
+    changes |= {name: _scaled_pose(getattr(joint, name), factor) for name in ("origin", "child_origin")}
+    return replace(joint, **changes)
 
 
 def _order(

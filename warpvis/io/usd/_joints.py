@@ -141,11 +141,12 @@ def _read(prim: Any, name: str, bodies: Mapping[str, NDArray[np.float64]], meter
     if first == second:
         return None
     type_name = str(prim.GetTypeName())
-    axis = _AXES[str(prim.GetAttribute("physics:axis").Get() or "X")]
+    axis: tuple[float, ...] = _AXES[str(prim.GetAttribute("physics:axis").Get() or "X")]
     kind, limits = _KINDS.get(type_name), None
     if kind in ("revolute", "prismatic"):
         unit = math.pi / 180 if kind == "revolute" else meters
-        limits = _limits(*(prim.GetAttribute(f"physics:{side}Limit").Get() for side in ("lower", "upper")), unit)
+        lower, upper = (prim.GetAttribute(f"physics:{side}Limit").Get() for side in ("lower", "upper"))
+        limits = _limits(lower, upper, unit)
     elif type_name == "PhysicsJoint":
         kind, axis, limits = _generic(prim, meters)
     if kind is None:
