@@ -4,8 +4,10 @@
 
 from __future__ import annotations
 
+from warpvis.situations._generator import QUESTION_KINDS, SituationGenerator, SituationOptions
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
+from warpvis.situations._stage import StageOptions
 from warpvis.situations.people import (
     JOINT_LIMITS,
     Body,
@@ -30,6 +32,7 @@ from warpvis.situations.rooms import ROOM_KINDS, Opening, Room, RoomItem, Seat, 
 
 __all__ = [
     "JOINT_LIMITS",
+    "QUESTION_KINDS",
     "ROOM_KINDS",
     "Body",
     "Colors",
@@ -47,6 +50,9 @@ __all__ = [
     "ShortcutReport",
     "Sight",
     "Situation",
+    "SituationGenerator",
+    "SituationOptions",
+    "StageOptions",
     "SupportPlace",
     "Thing",
     "at_table",

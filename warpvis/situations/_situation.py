@@ -102,7 +102,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Moment:
-    """What is where at a time."""
+    """Places of objects, people and robots at a time."""
 
     things: tuple[Thing, ...]
     """The objects of interest."""
@@ -110,6 +110,8 @@ class Moment:
     """The people and robots."""
     time: float = 0.0
     """Time since the first moment [s]."""
+    poses: dict[str, Pose] = field(default_factory=dict)
+    """Poses of all movable objects of the scene, bodies of people among them, object to world."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,7 @@ class Situation:
                 tuple(Thing(**{**t, "pose": tuple(t["pose"]), "size": tuple(t["size"])}) for t in moment["things"]),
                 tuple(Participant(**{**p, "eyes": tuple(p["eyes"])}) for p in moment["participants"]),
                 moment["time"],
+                {name: tuple(pose) for name, pose in moment["poses"].items()},
             )
             for moment in data["moments"]
         )

@@ -153,6 +153,7 @@ def build_scene(
     up: Literal["z", "y"],
     *,
     ceiling: bool,
+    movable: bool = True,
 ) -> Scene:
     """Return the scene of a room; see `Room.build`."""
     parts = list(_structure(outline, colors, ceiling=ceiling))
@@ -165,7 +166,7 @@ def build_scene(
                 item.mesh,
                 label_of(item.category),
                 np.array(item.pose),
-                movable=item.movable,
+                movable=movable and item.movable,
                 category=item.category,
                 appearance=item.appearance,
             )

@@ -123,18 +123,27 @@ class Room:
         """
         return _places.support_places(self.items, self.outline, rng, size, count, categories)
 
-    def build(self, device: DeviceLike = "cpu", *, up: Literal["z", "y"] = "z", ceiling: bool = True) -> Scene:
+    def build(
+        self,
+        device: DeviceLike = "cpu",
+        *,
+        up: Literal["z", "y"] = "z",
+        ceiling: bool = True,
+        movable: bool = True,
+    ) -> Scene:
         """Return the scene of the room: movable items are movable, and all else is static.
 
         Args:
             device: Device that renders the scene.
             up: The scene's vertical axis; with ``"y"``, the room's z is y, and its y is -z.
             ceiling: Whether it has a ceiling. Without one, it is seen from above.
+            movable: Whether movable items are movable. Static ones render faster.
         """
         check_up(up)
         ceiling = check_flag(ceiling, "ceiling", SceneError)
+        movable = check_flag(movable, "movable", SceneError)
         colors = self.wall_color, self.floor_material
-        return build_scene(self.outline, self.items, self.lamps, colors, device, up, ceiling=ceiling)
+        return build_scene(self.outline, self.items, self.lamps, colors, device, up, ceiling=ceiling, movable=movable)
 
     def to_dict(self) -> dict[str, Json]:
         """Return a description for JSON, from which `from_dict` restores the room."""

@@ -1,0 +1,492 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""A room with people, a robot and objects of interest, and random arrangements of them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from warpvis.cameras.pinhole import Camera
+from warpvis.core.checks import check_flag, check_whole
+from warpvis.core.labels import Label
+from warpvis.core.poses import poses_to_matrices
+from warpvis.core.types import DeviceLike
+from warpvis.errors import SceneError
+from warpvis.planning import look_along
+from warpvis.scene import Scene
+from warpvis.situations._numbers import Numbers
+from warpvis.situations._observations import Observations, Viewer, Watch
+from warpvis.situations._panel import Panel
+from warpvis.situations._placing import ABSENT, Placing
+from warpvis.situations.people import Colors, Person, looking_at, sitting, standing
+from warpvis.situations.rooms import Room, RoomItem
+from warpvis.situations.rooms._boxes import boxes_of, boxes_overlap, plan_distance
+from warpvis.situations.rooms.shapes import CATEGORIES
+
+NAMES = ("Anna", "Ben", "Carla", "David")
+"""Names of the people."""
+_SHIRTS = {"red": (0.75, 0.12, 0.12), "blue": (0.12, 0.25, 0.7), "green": (0.1, 0.5, 0.2), "yellow": (0.9, 0.75, 0.1)}
+_TARGETS = (
+    "mug", "bottle", "bowl", "vase", "book", "can", "teapot", "ball", "teddy bear", "toy car", "cushion", "flask",
+)  # fmt: skip
+_STANDING_BLOCKERS = ("screen",)
+_BLOCKERS = ("box", "monitor", "television", "printer", "microwave", "speaker", "suitcase", "crate", "toolbox")
+_MIN_PLACES = 4
+"""Objects with fewer places in a room are not used."""
+_PLACES = 48
+_STANDING_PLACES = 256
+_BODY_RADIUS, _BODY_HEIGHT = 0.3, 2.0
+_ROBOT_RADIUS, _ROBOT_HEIGHT, _ROBOT_EYES = 0.22, 1.3, 1.2
+_ROBOT = "robot"
+_SEATED = 0.3
+"""Share of the arrangements in which a person sits, if there is a seat."""
+_AWAY = 0.3
+"""Share of the arrangements in which a person looks somewhere, and not at an object of interest."""
+_SEAT_HEIGHTS = (0.38, 0.52)
+"""Heights of seats that people of all sizes sit on [m]."""
+_MAX_TURN = math.radians(50)
+_CAMERAS = 5
+_TRIED_PLACES = 24
+# Where a person looks who turns: a point this far ahead, at this height [m].
+_AHEAD, _AHEAD_HEIGHT = 2.0, 0.9
+_PICTURE = Camera.from_fov(320, 240, hfov=math.radians(80), near=0.05, far=math.inf)
+_PERSON_VIEW = Camera.from_fov(320, 256, hfov=math.radians(120), near=0.01, far=math.inf)
+_ROBOT_VIEW = Camera.kinect()
+
+
+@dataclass(frozen=True)
+class StageOptions:
+    """Who and what is in a room."""
+
+    people: int = 2
+    """Number of people."""
+    robot: bool = True
+    """Whether there is a robot with a camera."""
+    picture: Camera = _PICTURE
+    """The camera of the pictures."""
+    person_view: Camera = _PERSON_VIEW
+    """The field of both eyes of a person about the gaze, in which both see: 120 degrees wide."""
+    robot_view: Camera = _ROBOT_VIEW
+    """The camera of the robot, and its range."""
+
+    def __post_init__(self) -> None:
+        check_whole(self.people, "people", minimum=0, error=SceneError)
+        check_flag(self.robot, "robot", SceneError)
+        if self.people > len(NAMES):
+            raise SceneError(f"people must be from 0 to {len(NAMES)}, got {self.people}")
+        if not self.people and not self.robot:
+            raise SceneError("a stage must have at least one person or the robot")
+        for name in ("picture", "person_view", "robot_view"):
+            if not isinstance(getattr(self, name), Camera):
+                raise SceneError(f"{name} must be a Camera, got {type(getattr(self, name)).__name__}")
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangements:
+    """W arrangements of a stage."""
+
+    panel: Panel
+    """Who is where, and what each of them sees."""
+    postures: NDArray[np.bool_]
+    """Whether a person sits, shape ``(W, people)``."""
+    placing: Placing
+    """The bodies, in the order of `Stage.bodies`."""
+    kept: NDArray[np.int64]
+    """Rows of `placing` of the arrangements, shape ``(W,)``."""
+
+
+class Stage:
+    """A furnished room with movable people, a robot, objects of interest, and things that hide them."""
+
+    def __init__(self, room: Room, numbers: Numbers, options: StageOptions, device: DeviceLike = "cpu") -> None:
+        """Choose the objects and the people, and build the scene."""
+        self.room, self.options, self._numbers = room, options, numbers
+        self.scene = room.build(device, movable=False)
+        taken = Counter(item.category for item in room.items)
+        self.things = _choose_items(_TARGETS, taken, numbers, "thing", (2, 2, 1, 1, 1))
+        self.blockers = _choose_items(_BLOCKERS, taken, numbers, "blocker", (1, 1, 1))
+        self.blockers += _choose_items(_STANDING_BLOCKERS, taken, numbers, "tall", (2,))
+        self._places, self._supports = self._find_places()
+        self.things, self.blockers = (
+            [item for item in items if len(self._places[item.name]) >= _MIN_PLACES]
+            for items in (self.things, self.blockers)
+        )
+        self.words = {item.name: f"the {item.words}" for item in (*self.things, *self.blockers)}
+        self.words |= _words_of(room)
+        for item in (*self.things, *self.blockers):
+            shown = {"category": item.category, "appearance": item.appearance}
+            self.scene.add(item.mesh, name=item.name, label=Label.OBJECT, pose=item.pose, movable=True, **shown)
+        self.people = _make_people(options.people, numbers)
+        self.agents = {name: person.add_to(self.scene, name) for name, person in self.people.items()}
+        shirts = dict(zip(self.people, _SHIRTS, strict=False))
+        self.agent_words = {name: f"the person in the {shirts[name]} shirt" for name in self.people}
+        for name, agent in self.agents.items():
+            self.words |= dict.fromkeys(agent.body, self.agent_words[name])
+        if options.robot:
+            _add_robot(self.scene)
+            self.agent_words[_ROBOT] = self.words[_ROBOT] = "the robot"
+        targets = {item.name: [item.name] for item in self.things}
+        targets |= {name: list(agent.body) for name, agent in self.agents.items()}
+        targets |= {_ROBOT: [_ROBOT]} if options.robot else {}
+        self.watch = Watch(self.scene, targets)
+        self._columns = {self.scene.objects[index].name: column for column, index in enumerate(self.scene.movable)}
+        low, high = _SEAT_HEIGHTS
+        self._seats = [seat for seat in room.seats if low <= seat.height <= high]
+
+    @property
+    def participants(self) -> tuple[str, ...]:
+        """Names of the people and the robot."""
+        return tuple(self.agent_words)
+
+    def item(self, name: str) -> RoomItem:
+        """Return an object of interest or a blocker."""
+        return next(item for item in (*self.things, *self.blockers) if item.name == name)
+
+    def bodies(self) -> list[str]:
+        """Return the names of everything that is placed, in the order of `Arrangements.placing`."""
+        things, blockers = ([item.name for item in items] for items in (self.things, self.blockers))
+        return [*things, *self.people, *blockers, *([_ROBOT] if self.options.robot else [])]
+
+    def move(self, poses: NDArray[np.float32], name: str, offset: NDArray[np.float64]) -> None:
+        """Move an object of interest or a blocker by offsets ``(W, 3)`` [m] in poses ``(W, M, 7)``."""
+        poses[:, self._columns[name], :3] += offset.astype(np.float32)
+
+    def standing_spots(self) -> NDArray[np.float64]:
+        """Return positions where a person can stand [m], shape ``(n, 3)``."""
+        return self._places[""]
+
+    def column(self, name: str) -> int:
+        """Return the column of a movable object in poses."""
+        return self._columns[name]
+
+    def fits(self, arranged: Arrangements, world: int, name: str, offset: NDArray[np.float64]) -> bool:
+        """Return whether an object may be moved by an offset [m]: it stays on its support, and overlaps nothing."""
+        item = self.item(name)
+        pose = arranged.panel.object_poses[world, self._columns[name]].astype(np.float64)
+        x, y, z = pose[:3] + offset
+        yaw = math.degrees(2 * math.atan2(pose[5], pose[6]))
+        boxes = boxes_of(item.shape, x, y, z, yaw)
+        if not all(self.room.outline.contains_box(box) for box in boxes):
+            return False
+        lifted = [box._replace(low=box.low + 1e-4) for box in boxes]
+        fixed = [box for other in self.room.items for box in other.boxes]
+        if any(boxes_overlap(a, b) for a in lifted for b in fixed):
+            return False
+        corners = [corner for box in boxes if box.low < z + 1e-3 for corner in box.corners]
+        supports = [box for box in fixed if abs(box.high - z) < 1e-3]
+        if z > 1e-3 and not any(all(plan_distance(*corner, box) == 0 for corner in corners) for box in supports):
+            return False
+        number = self.bodies().index(name)
+        center = arranged.placing.center(arranged.kept[world], number) + offset
+        return bool(arranged.placing.is_free(arranged.kept[world : world + 1], center[None], number)[0])
+
+    def _find_places(self) -> tuple[dict[str, NDArray[np.float64]], dict[str, list[str]]]:
+        """Return rows ``x y z qx qy qz qw`` of places of each object's frame, by name, shape ``(n, 7)``.
+
+        Also return the names of the items that these places are on, by the object's name; and under the empty name,
+        positions where a body can stand, shape ``(n, 3)``.
+        """
+        rng = np.random.default_rng(int(self._numbers.below(1 << 31, 1)[0]))
+        standing_rows = self.room.standing_places(rng, _STANDING_PLACES).reshape(-1, 3)
+        places, supports = {"": standing_rows}, dict[str, list[str]]()
+        for item in (*self.things, *self.blockers):
+            low, high = item.shape.bounds
+            if CATEGORIES[item.category].mount == "floor" and item.name.startswith("tall"):
+                radius = max(0.05, 0.5 * math.hypot(item.size[0], item.size[1]))
+                rows = self.room.standing_places(rng, _PLACES, radius).reshape(-1, 3)
+                yaw = rng.uniform(0, 2 * math.pi, len(rows))
+                rows = np.column_stack([rows, np.zeros((len(rows), 2)), np.sin(yaw / 2), np.cos(yaw / 2)])
+            else:
+                found = self.room.support_places(rng, item.size, _PLACES)
+                supports[item.name] = [place.support for place in found]
+                rows = np.array([place.pose for place in found], dtype=np.float64).reshape(-1, 7)
+            middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0])
+            if len(rows):
+                rows[:, :3] -= poses_to_matrices(rows)[:, :3, :3] @ middle
+            places[item.name] = rows
+        return places, supports
+
+    def arrange(self, worlds: int) -> Arrangements:
+        """Return at most `worlds` random arrangements; those in which a body finds no place are left out."""
+        numbers, scene = self._numbers, self.scene
+        placing = Placing(worlds, numbers)
+        initial = np.array([scene.objects[index].pose for index in scene.movable], dtype=np.float32)
+        poses = np.repeat(initial[None], worlds, axis=0)
+        centers = {item.name: self._put(item, placing, poses) for item in self.things}
+        standing_rows = self._places[""]
+        stood = {}
+        for name in self.people:
+            stood[name] = self._places_of_people(placing, standing_rows)
+        eyes: dict[str, NDArray[np.float64]] = {}
+        sits = np.zeros((worlds, len(self.people)), dtype=np.bool_)
+        for number, (name, person) in enumerate(self.people.items()):
+            place, seat = stood[name]
+            sits[:, number] = seat >= 0
+            eyes[name] = self._pose_person(name, person, place, seat, centers, poses)
+        for item in self.blockers:
+            self._put(item, placing, poses, between=(list(eyes.values()), list(centers.values())))
+        if self.options.robot:
+            eyes[_ROBOT] = self._pose_robot(placing, standing_rows, centers, poses)
+        kept = np.flatnonzero(placing.valid)
+        viewers = [self._viewer(name, eyes[name][kept]) for name in self.participants]
+        panel = self._watch_from_best_camera(viewers, poses[kept])
+        return Arrangements(panel, sits[kept], placing, kept)
+
+    def _put(
+        self,
+        item: RoomItem,
+        placing: Placing,
+        poses: NDArray[np.float32],
+        between: tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]] | None = None,
+    ) -> NDArray[np.float64]:
+        """Place an object in the arrangements with room for it, and return the center of its box, shape ``(W, 3)``."""
+        rows = self._places[item.name]
+        low, high = item.shape.bounds
+        middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0])
+        floor = rows[:, :3] + poses_to_matrices(rows)[:, :3, :3] @ middle
+        radius = 0.5 * math.hypot(item.size[0], item.size[1])
+        middle_height = [0, 0, min(item.size[2] / 2, 1.0)]
+        wished = None if between is None else self._hiding_places(floor + middle_height, *between)
+        chosen = placing.place(floor, radius, item.size[2], wished, optional=True)
+        absent = (chosen < 0)[:, None]
+        poses[:, self._columns[item.name]] = np.where(absent, [*ABSENT, 0, 0, 0, 1], rows[chosen])
+        return np.where(absent, ABSENT, floor[chosen] + [0, 0, item.size[2] / 2])
+
+    def _hiding_places(
+        self, places: NDArray[np.float64], eyes: list[NDArray[np.float64]], centers: list[NDArray[np.float64]]
+    ) -> NDArray[np.int64]:
+        """Return for each arrangement the place that is nearest to a random line of sight, shape ``(W,)``."""
+        worlds, numbers = len(eyes[0]), self._numbers
+        who, what = numbers.below(len(eyes), worlds), numbers.below(len(centers), worlds)
+        rows = np.arange(worlds)
+        start, end = np.stack(eyes, axis=1)[rows, who, :3], np.stack(centers, axis=1)[rows, what]
+        along = end - start
+        length = np.maximum((along * along).sum(axis=1, keepdims=True), 1e-9)
+        offsets = places[None] - start[:, None]
+        share = np.clip(np.einsum("wnk,wk->wn", offsets, along) / length, 0.3, 0.9)
+        apart = np.linalg.norm(offsets - share[..., None] * along[:, None], axis=-1)
+        return apart.argmin(axis=1)
+
+    def _places_of_people(
+        self, placing: Placing, standing_rows: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return where a person is on the floor [m], ``(W, 3)``, and the seats that they sit on, -1 for none."""
+        seats = self._seats
+        seat_rows = np.array([[*seat.position[:2], 0.0] for seat in seats]).reshape(-1, 3)
+        rows = np.concatenate([standing_rows, seat_rows])
+        worlds = len(placing.valid)
+        wished = self._numbers.below(max(len(standing_rows), 1), worlds)
+        if len(seats):
+            sits = self._numbers.unit(worlds) < _SEATED
+            wished = np.where(sits, len(standing_rows) + self._numbers.below(len(seats), worlds), wished)
+        chosen = placing.place(rows, _BODY_RADIUS, _BODY_HEIGHT, wished)
+        seat = np.where(chosen >= len(standing_rows), chosen - len(standing_rows), -1)
+        return (rows[chosen] if len(rows) else np.zeros((worlds, 3))), seat
+
+    def _gaze(self, place: NDArray[np.float64], centers: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return a point to look at in each arrangement: mostly an object of interest, else anywhere, ``(W, 3)``."""
+        numbers, worlds = self._numbers, len(place)
+        what = numbers.below(len(centers), worlds)
+        point = np.stack(list(centers.values()), axis=1)[np.arange(worlds), what].copy()
+        angle, reach = numbers.uniform(0, 2 * math.pi, worlds), numbers.uniform(1.0, 3.0, worlds)
+        away = place + np.column_stack(
+            [np.cos(angle) * reach, np.sin(angle) * reach, numbers.uniform(0.4, 1.6, worlds)]
+        )
+        near = np.hypot(*(point - place)[:, :2].T) < 0.4  # nobody looks straight down
+        near |= point[:, 2] < 0  # it is absent
+        elsewhere = near | (numbers.unit(worlds) < _AWAY)
+        point[elsewhere] = away[elsewhere]
+        return point
+
+    def _pose_person(
+        self,
+        name: str,
+        person: Person,
+        place: NDArray[np.float64],
+        seat: NDArray[np.int64],
+        centers: dict[str, NDArray[np.float64]],
+        poses: NDArray[np.float32],
+    ) -> NDArray[np.float64]:
+        """Write the poses of a person's body, and return the poses of the eyes, shape ``(W, 7)``."""
+        point = self._gaze(place, centers)
+        toward = np.arctan2(point[:, 1] - place[:, 1], point[:, 0] - place[:, 0])
+        turn = self._numbers.uniform(-_MAX_TURN, _MAX_TURN, len(place))
+        heading = np.where(seat < 0, toward - turn, 0.0)
+        eyes = np.zeros((len(place), 7))
+        columns = [self._columns[body] for body in self.agents[name].body]
+        for sits in (False, True):
+            rows = np.flatnonzero((seat >= 0) == sits)
+            if not len(rows):
+                continue
+            base = standing()
+            if sits:
+                seats = [self._seats[index] for index in seat[rows]]
+                heading[rows] = [one.heading for one in seats]
+                base = sitting(np.array([one.height for one in seats]))
+                limit = np.clip(_wrapped(toward[rows] - heading[rows]), -_MAX_TURN, _MAX_TURN)
+                reach = np.hypot(*(point[rows] - place[rows])[:, :2].T)
+                angle = heading[rows] + limit
+                point[rows, :2] = place[rows, :2] + np.column_stack([np.cos(angle), np.sin(angle)]) * reach[:, None]
+            where = np.column_stack([place[rows, :2], heading[rows]])
+            posed = replace(person, pose=where, posture=looking_at(point[rows], base))
+            poses[np.ix_(rows, columns)] = posed.object_poses()
+            eyes[rows] = posed.eye_poses
+        return eyes
+
+    def _pose_robot(
+        self,
+        placing: Placing,
+        standing_rows: NDArray[np.float64],
+        centers: dict[str, NDArray[np.float64]],
+        poses: NDArray[np.float32],
+    ) -> NDArray[np.float64]:
+        """Write the poses of the robot, and return those of its camera, shape ``(W, 7)``."""
+        chosen = placing.place(standing_rows, _ROBOT_RADIUS, _ROBOT_HEIGHT)
+        worlds = len(chosen)
+        place = standing_rows[chosen] if len(standing_rows) else np.zeros((worlds, 3))
+        point = self._gaze(place, centers)
+        heading = np.arctan2(point[:, 1] - place[:, 1], point[:, 0] - place[:, 0])
+        zeros = np.zeros((worlds, 2))
+        poses[:, self._columns[_ROBOT]] = np.column_stack([place, zeros, np.sin(heading / 2), np.cos(heading / 2)])
+        start = place + [0, 0, _ROBOT_EYES]
+        down = np.clip((point - start)[:, 2], -0.7, 0.3)
+        return look_along(start, np.column_stack([np.cos(heading), np.sin(heading), down]), 2)
+
+    def turn_person(
+        self, arranged: Arrangements, worlds: NDArray[np.integer], name: str, headings: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+        """Let a person stand at the same place with other headings [rad], looking straight ahead and slightly down.
+
+        Returns:
+            Poses of the eyes, shape ``(n, 7)``, and of all movable objects, shape ``(n, M, 7)``.
+        """
+        number = self.bodies().index(name)
+        place = np.array([arranged.placing.center(world, number) for world in arranged.kept[worlds]])
+        ahead = np.column_stack([np.cos(headings), np.sin(headings)]) * _AHEAD
+        point = np.column_stack([place[:, :2] + ahead, np.full(len(place), _AHEAD_HEIGHT)])
+        where = np.column_stack([place[:, :2], headings])
+        posed = replace(self.people[name], pose=where, posture=looking_at(point, standing()))
+        poses = arranged.panel.object_poses[worlds].copy()
+        poses[:, [self._columns[body] for body in self.agents[name].body]] = posed.object_poses()
+        return posed.eye_poses, poses
+
+    def other_places(
+        self, arranged: Arrangements, world: int, name: str, numbers: Numbers
+    ) -> tuple[NDArray[np.float32], str] | None:
+        """Return a free place of an object on another support than now: its pose and the support; None if none."""
+        number = self.bodies().index(name)
+        now = self._support_of(arranged, world, name)
+        rows, item = self._places[name], self.item(name)
+        middle = np.array([*np.mean(np.array(item.shape.bounds)[:, :2], axis=0), 0.0])
+        for index in numbers.order(len(rows))[:_TRIED_PLACES]:
+            support = self._supports[name][index]
+            if support in (now, "") or support not in self.words:
+                continue
+            center = rows[index, :3] + poses_to_matrices(rows[index])[:3, :3] @ middle
+            if arranged.placing.is_free(arranged.kept[world : world + 1], center[None], number)[0]:
+                return rows[index].astype(np.float32), support
+        return None
+
+    def _support_of(self, arranged: Arrangements, world: int, name: str) -> str:
+        """Return the name of the item that an object of interest stands on; empty if it is not known."""
+        pose = arranged.panel.object_poses[world, self._columns[name]]
+        rows = self._places[name]
+        if not len(rows):
+            return ""
+        return self._supports[name][int(np.abs(rows - pose).sum(axis=1).argmin())]
+
+    def support(self, arranged: Arrangements, world: int, name: str) -> str:
+        """Return words for the item that an object of interest stands on; empty if it has none."""
+        return self.words.get(self._support_of(arranged, world, name), "")
+
+    def _viewer(self, name: str, eyes: NDArray[np.float64]) -> Viewer:
+        words = self.agent_words[name]
+        if name == _ROBOT:
+            return Viewer(name, "robot", self.options.robot_view, eyes, words, (_ROBOT,))
+        return Viewer(name, "person", self.options.person_view, eyes, words, self.agents[name].body)
+
+    def _watch_from_best_camera(self, viewers: Sequence[Viewer], poses: NDArray[np.float32]) -> Panel:
+        """Observe with several cameras of the pictures, and choose in each arrangement the one that sees the most."""
+        numbers, worlds = self._numbers, len(poses)
+        rows = self._places[""]
+        eyes = np.zeros((_CAMERAS, 7))
+        for number in range(_CAMERAS):
+            spot = rows[int(numbers.below(len(rows), 1)[0])] + [0, 0, numbers.uniform(1.5, 2.1, 1)[0]]
+            goal = numbers.uniform(-0.3, 0.3, 3) + [0, 0, 0.8]
+            eyes[number] = look_along(spot[None], (goal - spot)[None], 2)[0]
+        cameras = [
+            Viewer("camera", "camera", self.options.picture, np.repeat(row[None], worlds, axis=0)) for row in eyes
+        ]
+        found = self.watch.observe([*viewers, *cameras], poses)
+        people = len(viewers)
+        score = np.minimum(found.fraction[:, people:], 0.6).sum(axis=2)
+        best = people + score.argmax(axis=1)
+        columns = np.column_stack([np.tile(np.arange(people), (worlds, 1)), best])
+        taken = {name: getattr(found, name)[np.arange(worlds)[:, None], columns] for name in found.__dataclass_fields__}
+        camera = Viewer("camera", "camera", self.options.picture, eyes[best - people])
+        categories = {item.name: item.category for item in self.things}
+        names = tuple(item.name for item in self.things)
+        return Panel(self.watch, viewers, camera, names, self.words, categories, poses, Observations(**taken))
+
+
+def _wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return angles from -pi to pi."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def _choose_items(
+    categories: Sequence[str], taken: Counter[str], numbers: Numbers, prefix: str, counts: Sequence[int]
+) -> list[RoomItem]:
+    """Return items of random categories that a room does not have, several of one in different colors."""
+    free = [categories[index] for index in numbers.order(len(categories)) if not taken[categories[index]]]
+    items: list[RoomItem] = []
+    for category, count in zip(free, counts, strict=False):
+        kind = CATEGORIES[category]
+        taken[category] += count
+        colors = [kind.colors[index] for index in numbers.order(len(kind.colors))][:count]
+        parameters = kind.variants[int(numbers.below(len(kind.variants), 1)[0])]
+        for color in colors:
+            pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+            items.append(RoomItem(f"{prefix}_{len(items)}", category, color, pose, "", parameters=parameters))
+    return items
+
+
+def _words_of(room: Room) -> dict[str, str]:
+    """Return words for the room's items that are unique in it: ``"the sofa"``, or ``"the red chair"``."""
+    by_category = Counter(item.category for item in room.items)
+    by_words = Counter(item.words for item in room.items)
+    words = {}
+    for item in room.items:
+        if by_category[item.category] == 1:
+            words[item.name] = f"the {item.category}"
+        elif by_words[item.words] == 1:
+            words[item.name] = f"the {item.words}"
+    return words
+
+
+def _make_people(count: int, numbers: Numbers) -> dict[str, Person]:
+    people = {}
+    for name, shirt in zip(NAMES[:count], _SHIRTS.values(), strict=False):
+        height = round(float(numbers.uniform(1.55, 1.9, 1)[0]), 2)
+        people[name] = Person(height=height, colors=Colors(shirt=shirt))
+    return people
+
+
+def _add_robot(scene: Scene) -> None:
+    """Add the robot: a base, a mast and a head with a camera at `_ROBOT_EYES`, which looks along x."""
+    radius = _ROBOT_RADIUS
+    parts = [
+        trimesh.creation.cylinder(radius, 0.25, sections=24).apply_translation((0, 0, 0.135)),
+        trimesh.creation.box((0.08, 0.08, 0.9)).apply_translation((0, 0, 0.7)),
+        trimesh.creation.box((0.12, 0.3, 0.16)).apply_translation((0, 0, _ROBOT_EYES)),
+    ]
+    mesh = trimesh.util.concatenate(parts)
+    shown = {"category": _ROBOT, "appearance": (0.92, 0.92, 0.94)}
+    scene.add(mesh, name=_ROBOT, label=Label.ROBOT, pose=(0, 0, 0, 0, 0, 0, 1), movable=True, **shown)
