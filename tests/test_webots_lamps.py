@@ -46,6 +46,16 @@ def test_ceiling_light(tmp_path, version, up):
     assert world.stand_ins == {"CeilingLight": 1}
 
 
+def test_lamps_before_r2019a(tmp_path):
+    """Their light does not fall off by default, and has an ambient part, which an Appearance reflects."""
+    boxes = "Shape { appearance Appearance { material Material { } } geometry Box { } }\n" * 4
+    ambient, light = load(tmp_path, "CeilingLight { pointLightAmbientIntensity 0.5 }" + boxes, "R2018b").scene.lights
+    assert light.attenuation == (1, 0, 0) and light.position == pytest.approx((0, 2.4 - 0.6, 0))
+    assert ambient.ambient == (0.5, 0.5, 0.5)
+    (light,) = load(tmp_path, "CeilingLight { pointLightAttenuation 0 1 0 }", "R2018b").scene.lights
+    assert light.attenuation == (0, 1, 0)
+
+
 def test_floor_light_stands_on_the_floor(tmp_path):
     world = load(tmp_path, "FloorLight { pointLightCastShadows TRUE }")
     (light,) = world.scene.lights

@@ -3,20 +3,21 @@
 """Stand-ins for Webots' lamps without a file: their light, a glowing bulb, and a simple support.
 
 Lights, bulbs and bounding boxes are those of the PROTO files in projects/objects/lights/protos (R2019b to R2024a), in
-axes since R2022a. A light is inside of its bulb, which does not block it in Webots. Here, a light that casts shadows is
-moved below it, and the light of a FloorLight casts none.
+axes since R2022a; fields of R2018b are those of the user guide. A light is inside of its bulb, which does not block it
+in Webots. Here, a light that casts shadows is moved below it, and the light of a FloorLight casts none.
 """
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from warpvis.webots._nodes import Node, Value, new_node
+from warpvis.webots._nodes import Node, Value, Version, new_node
 from warpvis.webots.protos._appearances import field_appearance, plain_appearance
 from warpvis.webots.protos._standins import box_at, in_axes, numbers, shape_at, solid_of
 
 _Vector = tuple[float, float, float]
 _DOWN, _AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+_INVERSE_SQUARE, _CONSTANT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)  # attenuation; up to R2018b, it is a field
 
 
 class _Lamp(NamedTuple):
@@ -30,7 +31,7 @@ class _Lamp(NamedTuple):
     direction: _Vector = _DOWN  # of a spot
     cone: tuple[float, float] = (0.0, 0.0)  # beam width and cut-off angle of a spot [rad]
     intensity: float = 1.0
-    height: float = 0.0  # of the origin by default, since R2022a [m]
+    height: float = 0.0  # of the origin by default [m]
 
 
 LAMPS: dict[str, _Lamp] = {
@@ -69,9 +70,11 @@ def expand_lamp(node: Node) -> Node | None:
     name = f"{lamp.kind.lower()}Light"
     color, intensity = node.vector(f"{name}Color", (1.0, 1.0, 1.0)), node.number(f"{name}Intensity", lamp.intensity)
     outside = lamp.outside if node.flag(f"{name}CastShadows", False) else None
+    attenuation = _INVERSE_SQUARE if node.version >= Version(2019, 1) else _CONSTANT
     light: dict[str, Value] = {
         "location": numbers(in_axes(node, outside or lamp.location, "z")),
-        "attenuation": [0.0, 0.0, 1.0],
+        "ambientIntensity": [node.number(f"{name}AmbientIntensity", 0.0)],
+        "attenuation": numbers(node.vector(f"{name}Attenuation", attenuation)),
         "color": numbers(color),
         "intensity": [intensity],
         "radius": [node.number(f"{name}Radius", 100.0)],
@@ -81,8 +84,7 @@ def expand_lamp(node: Node) -> Node | None:
         light["direction"] = numbers(in_axes(node, lamp.direction, "z"))
         light |= {"beamWidth": [lamp.cone[0]], "cutOffAngle": [lamp.cone[1]]}
     solid = solid_of(node, [new_node(node, f"{lamp.kind}Light", light), *_shapes(node, lamp, light)], lamp.name)
-    if node.version.z_up:
-        solid.fields.setdefault("translation", [0.0, 0.0, lamp.height])
+    solid.fields.setdefault("translation", numbers(in_axes(node, (0.0, 0.0, lamp.height), "z")))
     return solid
 
 
