@@ -236,3 +236,45 @@ def test_other_elements_are_ignored(tmp_path):
     path = write(tmp_path, world(f'<road name="r"/><model name="m">{BOX_LINK}</model>'))
     with pytest.warns(UserWarning, match="road"):
         wv.Scene.load(path)
+
+
+def test_equals_the_same_scene_built_by_hand(tmp_path):
+    """Nested, rotated and scaled models: depth and labels of both are equal."""
+    trimesh.creation.icosphere(subdivisions=2, radius=0.5).export(tmp_path / "ball.stl")
+    ball = visual("<mesh><uri>ball.stl</uri><scale>1 2 0.5</scale></mesh>", more="<pose>0 0 0.3 0.4 0 0</pose>")
+    text = world(f"""
+    <model name="floor"><static>1</static><link name="l">{visual("<plane><size>9 9</size></plane>")}</link></model>
+    <model name="person"><pose>0 0 0.5 0 0 0.7</pose><link name="l"><pose>1 0 0 0 0.2 0</pose>{visual(BOX)}</link>
+    <model name="cup"><pose relative_to="l">0 2 1 0.3 0 0</pose><link name="l">{ball}</link></model></model>""")
+    camera, eyes = wv.Camera.from_fov(40, 30, hfov=1.2), [wv.look_at((6, x, 5), (0, 1, 0.5)) for x in (-3, 0, 4)]
+
+    def matrix(x, y, z, roll=0.0, pitch=0.0, yaw=0.0):
+        return trimesh.transformations.compose_matrix(angles=(roll, pitch, yaw), translate=(x, y, z))
+
+    person = matrix(0, 0, 0.5, yaw=0.7) @ matrix(1, 0, 0, pitch=0.2)
+    cup = person @ matrix(0, 2, 1, roll=0.3) @ matrix(0, 0, 0.3, roll=0.4)
+    hand = wv.Scene()
+    square = np.array([(-4.5, -4.5, 0), (4.5, -4.5, 0), (4.5, 4.5, 0), (-4.5, 4.5, 0)])
+    hand.add((square, [(0, 1, 2), (0, 2, 3)]), label="ground")
+    hand.add(trimesh.creation.box((1, 2, 3)), label="human", pose=person)
+    hand.add(trimesh.load(tmp_path / "ball.stl"), label="human", pose=cup, scale=(1, 2, 0.5))
+    for movable in (False, True):
+        found = wv.render(load(tmp_path, text, movable=movable), camera, eyes, outputs=["depth", "labels"])
+        expected = wv.render(hand, camera, eyes, outputs=["depth", "labels"])
+        assert np.allclose(found.depth.numpy(), expected.depth.numpy(), atol=1e-5)
+        assert (found.labels.numpy() == expected.labels.numpy()).mean() > 0.999
+
+
+def test_included_models_share_their_meshes(tmp_path):
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.stl")
+    write(
+        tmp_path,
+        link("<mesh><uri>../ball.stl</uri><scale>1 1 2</scale></mesh>", "<static>1</static>"),
+        "ball/model.sdf",
+    )
+    includes = "".join(
+        f"<include><uri>model://ball</uri><name>b{x}</name><pose>{3 * x} 0 0 0 0 {x}</pose></include>"
+        for x in range(20)
+    )
+    items = list(load(tmp_path, world(includes)))
+    assert len(items) == 20 and len({id(item.mesh) for item in items}) == 1

@@ -78,8 +78,8 @@ class Shapes:
             case "heightmap":
                 return self._terrain(shape)
             case "polyline":
-                return self._shared(_text_key(geometry), lambda: [Piece(polylines(geometry.children("polyline")))])
-        return self._shared(_text_key(shape), lambda: [_simple(shape)])
+                return self._shared(text_key(geometry), lambda: [Piece(polylines(geometry.children("polyline")))])
+        return self._shared(text_key(shape), lambda: [_simple(shape)])
 
     def _shared(self, key: Any, make: Callable[[], list[Piece]]) -> list[Piece]:
         if key not in self._cache:
@@ -107,7 +107,7 @@ class Shapes:
         if path is None:
             return []
         try:
-            return self._shared((path, _text_key(shape)), lambda: [_terrain_piece(shape, path)])
+            return self._shared((path, text_key(shape)), lambda: [_terrain_piece(shape, path)])
         except FileFormatError as error:
             if self.strict:
                 raise
@@ -197,9 +197,9 @@ def _lazy(appearance: Appearance | LazyAppearance | None) -> LazyAppearance | No
     return LazyAppearance(None, appearance) if isinstance(appearance, Appearance) else appearance
 
 
-def _text_key(shape: Node) -> tuple[str, ...]:
-    """Return a key that is equal for shapes of the same numbers."""
-    return tuple(f"{item.tag}={(item.text or '').strip()}{sorted(item.items())}" for item in shape.iter())
+def text_key(element: Node) -> tuple[object, ...]:
+    """Return a key that is equal for elements with the same content."""
+    return tuple((item.tag, (item.text or "").strip(), *sorted(item.items())) for item in element.iter())
 
 
 def _simple(shape: Node) -> Piece:

@@ -23,7 +23,7 @@ from warpvis.io.sdf._joints import Joints
 from warpvis.io.sdf._lights import read_environment, read_light
 from warpvis.io.sdf._load import Document, load_document
 from warpvis.io.sdf._materials import DEFAULT, Materials
-from warpvis.io.sdf._meshes import Piece, Shapes
+from warpvis.io.sdf._meshes import Piece, Shapes, text_key
 from warpvis.io.sdf._scopes import Frame, Matrix, Scope
 from warpvis.io.sdf._xml import Node, pose_value, raw_pose
 from warpvis.scene import FileParts, Part, move_with_links
@@ -114,7 +114,7 @@ class _Reader:
             raise FileFormatError(warnings[0])
         return FileParts(
             document.path,
-            move_with_links(self.parts, tree),
+            move_with_links(_with_rows(self.parts), tree),
             joints=tree,
             up="z",
             defines_frame=True,
@@ -186,13 +186,13 @@ class _Reader:
                 self._unique(name),
                 mesh,
                 label=self._label(link, element, geometry, is_robot=is_robot),
-                pose=_row(pose, element),
+                pose=_checked(pose, element),
                 movable=link.is_moving and not first and joined is None,
                 attach_to=first or None,
                 link=joined,
                 category=_category(link.model),
                 aliases=self._aliases(link, element),
-                appearance=self._appearance(element, piece, number) if tag == "visual" else _GRAY,
+                appearance=self._appearance(element, piece) if tag == "visual" else _GRAY,
                 extras=_extras(element),
             )
             self.parts.append(part)
@@ -231,11 +231,11 @@ class _Reader:
         self._taken.add(name)
         return name
 
-    def _appearance(self, element: Node, piece: Piece, number: int) -> LazyAppearance | None:
-        key = id(element), number
+    def _appearance(self, element: Node, piece: Piece) -> LazyAppearance | None:
+        node, transparency = element.child("material"), min(max(element.number("transparency", 0.0), 0.0), 1.0)
+        key = id(piece), transparency, None if node is None else (element.path.parent, text_key(node))
         if key not in self._appearances:
             material = self.materials.material(element)
-            transparency = min(max(element.number("transparency", 0.0), 0.0), 1.0)
             if material is None and transparency == 0 and piece.appearance is not None:
                 self._appearances[key] = piece.appearance
             else:
@@ -267,7 +267,7 @@ class _Reader:
                     name,
                     piece.mesh,
                     label=Label.HUMAN,
-                    pose=_row(placed, actor),
+                    pose=_checked(placed, actor),
                     movable=not first,
                     attach_to=first or None,
                     category="person",
@@ -296,7 +296,7 @@ class _Reader:
                 replace(
                     part,
                     name=names[part.name],
-                    pose=_row(pose @ own, include),
+                    pose=_checked(pose @ own, include),
                     movable=not is_static and not len(found.joints),
                     attach_to=None,
                     link=None if part.link is None or is_static else f"{scope.prefix}{name}::{part.link}",
@@ -306,17 +306,15 @@ class _Reader:
             )
 
     def _lights(self, scope: Scope) -> Iterator[Light]:
-        above = scope.world_pose()
         for node in scope.lights:
-            light = read_light(
-                node, f"{scope.prefix}{node.get('name', 'light')}", above @ scope.element_pose(node, None)
-            )
+            name = f"{scope.prefix}{node.get('name', 'light')}"
+            light = read_light(node, name, scope.world_pose() @ scope.element_pose(node, None))
             if light is not None:
                 yield light
         for link in scope.links:
             for node in link.node.children("light"):
                 name = f"{scope.prefix}{link.name}::{node.get('name', 'light')}"
-                light = read_light(node, name, above @ scope.element_pose(node, link))
+                light = read_light(node, name, scope.world_pose() @ scope.element_pose(node, link))
                 if light is not None:
                     yield light
 
@@ -328,10 +326,18 @@ def _matrix(pose: np.ndarray) -> Matrix:
     return poses_to_matrices(pose) if pose.shape[-1] == 7 else pose
 
 
-def _row(pose: Matrix, node: Node) -> np.ndarray:
+def _checked(pose: Matrix, node: Node) -> Matrix:
     if not np.abs(pose[:3, 3]).max() < FARTHEST:
         node.fail("must be within 1e18 m of the origin")
-    return poses_to_opencv(pose)[0]
+    return pose
+
+
+def _with_rows(parts: Sequence[Part]) -> list[Part]:
+    """Return the parts with rows of 7 numbers in place of matrices, which one call converts."""
+    if not parts:
+        return []
+    rows = poses_to_opencv(np.stack([part.pose for part in parts if part.pose is not None]))
+    return [replace(part, pose=row) for part, row in zip(parts, rows, strict=True)]
 
 
 def _category(model: Scope) -> str:

@@ -71,6 +71,7 @@ class Scope:
     """Plugins of the model, and of the element that includes it."""
     fixed: Matrix | None = None
     """Its pose in the frame of the parent; None until it is resolved."""
+    _world: Matrix | None = None
     _pending: list[str] = field(default_factory=list)
     _found: dict[str, Frame | Scope] | None = None
 
@@ -98,8 +99,10 @@ class Scope:
 
     def world_pose(self) -> Matrix:
         """Return its pose in the frame of the file."""
-        pose = self.pose()
-        return pose if self.parent is None else self.parent.world_pose() @ pose
+        if self._world is None:
+            pose = self.pose()
+            self._world = pose if self.parent is None else self.parent.world_pose() @ pose
+        return self._world
 
     def pose(self) -> Matrix:
         """Return its pose in the frame of the parent; that of a merged model is the pose of the proxy frame."""
@@ -107,8 +110,8 @@ class Scope:
             element = self.placer or self.node
             with _Pending(self, _MODEL):
                 placed = raw_pose(element) if self.parent is None else self.parent.element_pose(element, None)
-                anchor = self.resolve(self.placement, element) if self.placement else np.eye(4)
-            self.fixed = placed @ np.linalg.inv(anchor)
+                anchor = self.resolve(self.placement, element) if self.placement else None
+            self.fixed = placed if anchor is None else placed @ np.linalg.inv(anchor)
         return self.fixed
 
     def frame_pose(self, frame: Frame) -> Matrix:
@@ -208,7 +211,7 @@ class Scope:
         """Set the poses of a model and its links, which are saved in the frame of the world."""
         above = np.eye(4) if self.parent is None else self.parent.world_pose()
         if (pose := saved.child("pose")) is not None:
-            self.fixed = np.linalg.inv(above) @ pose_value(pose)
+            self.fixed, self._world = np.linalg.inv(above) @ pose_value(pose), None
         placed = np.linalg.inv(self.world_pose())
         links = {link.name: link for link in self.links}
         for item in saved.children("link"):
