@@ -22,12 +22,12 @@ from warpvis.scene.lights import HEADLIGHT
 _MAX_PIXELS = 16_000_000
 """Maximum number of elevations: their triangles take about 2 GiB while a scene is built."""
 _METERS = {
-    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("", "m", "meter", "meters"), 1.0),
     **dict.fromkeys(("ft", "foot", "feet", "international foot"), 0.3048),
     **dict.fromkeys(("us-ft", "us survey foot", "us survey feet", "ussurveyfoot"), 1200 / 3937),
-    **dict.fromkeys(("cm", "centimetre", "centimeter"), 0.01),
-    **dict.fromkeys(("dm", "decimetre", "decimeter"), 0.1),
-    **dict.fromkeys(("km", "kilometre", "kilometer"), 1000.0),
+    **dict.fromkeys(("cm", "centimeter"), 0.01),
+    **dict.fromkeys(("dm", "decimeter"), 0.1),
+    **dict.fromkeys(("km", "kilometer"), 1000.0),
 }
 _MAX_LATITUDE = 84
 """Maximum latitude of UTM [degrees]."""
@@ -120,7 +120,7 @@ def _utm(longitude: float, latitude: float) -> str:
 
 def _vertical_unit(path: Path, source: Any) -> float:
     """Return the length of a unit of elevations [m]."""
-    unit = (source.units[0] or "").strip().lower()
+    unit = (source.units[0] or "").strip().lower().replace("metre", "meter")
     if unit not in _METERS:
         raise FileFormatError(f"{path}: the unit of elevations must be meters or feet, got {source.units[0]!r}")
     return _METERS[unit]
