@@ -3,6 +3,7 @@
 """Valid arguments of public functions of `situations`: ``name: (function, arguments)``."""
 
 import numpy as np
+from situation_jobs import FakeGenerator, FakeOptions
 
 import warpvis as wv
 
@@ -12,6 +13,10 @@ def situation_cases(folder):
     room = wv.situations.generate_room(0, "lab", clutter=0.2)
     rng = np.random.default_rng(0)
     return {
+        "find_shortcuts": (
+            wv.situations.find_shortcuts,
+            {"situations": FakeGenerator(FakeOptions()).shard(0), "folds": 2, "threshold": 0.2},
+        ),
         "generate_room": (
             wv.situations.generate_room,
             {"seed": 0, "kind": "office", "size": (4.0, 5.0), "clutter": 0.5},

@@ -105,6 +105,13 @@ RESULTS = {
     "RoomItem",
     "Seat",
     "SupportPlace",
+    "Moment",
+    "Participant",
+    "Question",
+    "Shortcut",
+    "ShortcutReport",
+    "Situation",
+    "Thing",
 }
 
 # Drawing is slow: only some of the bad values are used.
@@ -127,6 +134,7 @@ FEW = ("None", "a word", "NaN", "minus one", "an object", "an array")
 
 # Internal entry points, whose arguments are validated before.
 OURS = {
+    "Situation.from_dict",  # of records of files, which `open_situations` checks
     "Figure.posed",
     "Posture.apply",
     "Posture.rotated",

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shortcut test: planted shortcuts are found, and balanced questions pass."""
 
+from dataclasses import replace
+
 import pytest
 from situation_jobs import FakeGenerator, FakeOptions
 
@@ -53,3 +55,10 @@ def test_wrong_arguments():
         find_shortcuts([], folds=1)
     with pytest.raises(ArrayError, match="threshold must be a number from 0 to 1, got 2"):
         find_shortcuts([], threshold=2)
+    for wrong in (3, [None], "rooms"):
+        with pytest.raises(ArrayError, match="situations must be a sequence of Situation, got "):
+            find_shortcuts(wrong)
+    situation = situations(1)[0]
+    wrong = replace(situation, questions=(replace(situation.questions[0], answer="maybe"),))
+    with pytest.raises(ArrayError, match="the answer of a question must be one of its choices, got 'maybe' in 00000-0"):
+        find_shortcuts([wrong])

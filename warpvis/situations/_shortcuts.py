@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import check_number, check_whole, format_percent, pluralize
+from warpvis.core.checks import check_number, check_whole, format_percent, pluralize, truncate
 from warpvis.core.file_content import require_package
-from warpvis.errors import ShortcutError
+from warpvis.errors import ArrayError, ShortcutError
 from warpvis.situations._question_features import (
     DIAGNOSTICS,
     SHORTCUTS,
@@ -131,7 +131,7 @@ def find_shortcuts(situations: Iterable[Situation], *, folds: int = 5, threshold
         threshold: Accuracy above chance that is accepted, from 0 to 1.
 
     Raises:
-        ArrayError: If an argument is invalid.
+        ArrayError: If an argument is invalid, or an answer is not one of the choices.
         FileFormatError: If scikit-learn is not installed.
     """
     check_whole(folds, "folds", minimum=2)
@@ -139,9 +139,14 @@ def find_shortcuts(situations: Iterable[Situation], *, folds: int = 5, threshold
     require_package("sklearn", "shortcuts are tested with scikit-learn", "situations")
     limit = require_package("threadpoolctl", "shortcuts are tested with scikit-learn", "situations")
     kinds: dict[str, list[_Example]] = {}
-    for situation in situations:
+    for situation in _require_situations(situations):
         measures = measure(situation)
         for question in situation.questions:
+            if question.answer not in question.choices:
+                raise ArrayError(
+                    f"the answer of a question must be one of its choices, got {truncate(question.answer)!r} in "
+                    f"{situation.name}"
+                )
             example = _Example(
                 situation.name.partition("-")[0],
                 question.text,
@@ -160,6 +165,16 @@ def find_shortcuts(situations: Iterable[Situation], *, folds: int = 5, threshold
             else:
                 results += _test_kind(kind, _sample(examples), folds)
     return ShortcutReport(tuple(results), untested, threshold)
+
+
+def _require_situations(situations: Iterable[Situation]) -> Iterator[Situation]:
+    """Yield the situations; raise an ArrayError if they are something else."""
+    if not isinstance(situations, Iterable):
+        raise ArrayError(f"situations must be a sequence of Situation, got {type(situations).__name__}")
+    for situation in situations:
+        if not isinstance(situation, Situation):
+            raise ArrayError(f"situations must be a sequence of Situation, got one of {type(situation).__name__}")
+        yield situation
 
 
 def _sample(examples: list[_Example]) -> list[_Example]:
