@@ -308,6 +308,7 @@ POINTER, WEB = "is a git-lfs pointer, not %s. Run `git lfs pull`.", "is an HTML 
 READERS = {
     **{f"a.{ending}": (wv.Scene.load, "a mesh") for ending in ("glb", "gltf", "obj", "stl", "ply", "off", "zip")},
     **{f"b.{ending}": (wv.Scene.load, "a model") for ending in ("xml", "urdf")},
+    **{f"h.{ending}": (wv.Scene.load, "a USD stage") for ending in ("usd", "usda", "usdc", "usdz")},
     "c.wbt": (wv.webots.load_webots, "a Webots file"),
     **{f"d.{ending}": (read_frames, "a file of poses") for ending in ("npy", "npz", "csv", "txt", "json", "mcap")},
     **{f"e.{ending}": (load_camera, "a camera file") for ending in ("yaml", "json")},

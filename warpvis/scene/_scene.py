@@ -116,18 +116,18 @@ class Scene:
         from the file (``"label"`` in the ``extras`` of a glTF node or mesh), else it is `Label.OBSTACLE`. For Webots
         worlds (``.wbt``), see `warpvis.webots.load_webots` about names, labels, and devices; for MJCF (``.xml``), which
         MuJoCo compiles, `warpvis.mujoco.read_model`. Surfaces of URDF (``.urdf``, ``.xacro``) are named after their
-        links, and are `Label.ROBOT`. A mesh file or URDF without lights gets a headlight (`scene.lights.HEADLIGHT`),
-        which affects the output ``color`` only.
+        links, and are `Label.ROBOT`; those of USD by their paths. A mesh file, URDF or USD stage without lights gets a
+        headlight (`scene.lights.HEADLIGHT`), which affects the output ``color`` only.
 
         Args:
             path: The file.
             device: Device that renders the scene.
             up: The scene's vertical axis. By default that of the Webots world, else ``"z"``.
             file_up: The file's vertical axis. By default ``"y"`` for glTF, as in its specification, the axis defined in
-                a COLLADA file, and the scene's axis for every other mesh format; where the two differ, the geometry is
-                rotated upright. Webots, MJCF and URDF define it themselves.
+                a COLLADA file or a USD stage, and the scene's axis for every other mesh format; where the two differ,
+                the geometry is rotated upright. Webots, MJCF and URDF define it themselves.
             scale: Factor from a mesh file's unit to meters (0.001 for millimeters), in addition to the unit that
-                COLLADA and 3MF files define; other formats are in meters.
+                COLLADA, 3MF and USD files define; other formats are in meters.
             labels: Labels by name; a name may be a pattern (``"wall_*"``), and the last match wins. Or a JSON, TOML or
                 YAML file with such ``labels``, and optionally ``label_names`` and ``ground_labels``.
             label_names: Names of user-defined classes, as for `Scene`.
