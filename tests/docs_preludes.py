@@ -16,6 +16,7 @@ import warpvis as wv
 from warpvis.scenes import EXPERIMENTS
 
 from support.bop_scene import write_identity
+from support.figures import mixamo_arrays, write_glb
 from support.habitat import make_dataset
 from support.scans import write_scannet
 
@@ -66,6 +67,11 @@ def prepare(page, folder):
     if make is not None:
         names |= make(folder)
     return names
+
+
+def _people(folder):
+    write_glb(folder / "person.glb", mixamo_arrays())
+    return {}
 
 
 def _appearance(folder):

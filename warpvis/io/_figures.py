@@ -35,8 +35,7 @@ def read_figure(
 ) -> Figure:
     """Read a person from a glTF or GLB file with a skin, to be posed as a `warpvis.situations.Person`.
 
-    All skinned meshes of the skin with the most joints are read, at rest: where the inverse bind matrices have the
-    joints.
+    All skinned meshes are read, at rest: where the inverse bind matrices have the joints.
 
     Args:
         path: The file.
@@ -78,12 +77,14 @@ def _read(file: Path, content: bytes, find: Any, locate: Any) -> dict[str, Any]:
     ]
     if not primitives:
         raise FileFormatError(f"{file}: has no skinned mesh, which a figure needs")
-    sizes = {node["skin"]: len(data.one("skins", node["skin"])["joints"]) for node, _ in primitives}
-    skin = max(sizes, key=lambda index: (sizes[index], -index))
-    nodes = [int(index) for index in data.one("skins", skin)["joints"]]
-    places = joint_places(data, skin)
+    # Meshes of one figure may have skins of their own, with joints in common.
+    placed: dict[int, NDArray[np.float64]] = {}
+    for skin in dict.fromkeys(node["skin"] for node, _ in primitives):
+        for joint, place in zip(data.one("skins", skin)["joints"], joint_places(data, skin), strict=True):
+            placed.setdefault(int(joint), place)
+    nodes, places = list(placed), np.stack(list(placed.values()))
     order, parents = _in_order(data, nodes)
-    pieces = [_primitive(data, materials, node, primitive) for node, primitive in primitives if node["skin"] == skin]
+    pieces = [_primitive(data, materials, node, primitive, nodes) for node, primitive in primitives]
     pieces = [piece for piece in pieces if len(piece[1])]
     if not pieces:
         raise FileFormatError(f"{file}: has no skinned triangles, which a figure needs")
@@ -131,7 +132,7 @@ def _in_order(data: GltfData, nodes: list[int]) -> tuple[list[int], list[int]]:
 
 
 def _primitive(
-    data: GltfData, materials: GltfMaterials, node: dict[str, Any], primitive: dict[str, Any]
+    data: GltfData, materials: GltfMaterials, node: dict[str, Any], primitive: dict[str, Any], nodes: list[int]
 ) -> tuple[NDArray[np.float64], NDArray[np.integer], NDArray[np.float64], Appearance]:
     """Return vertices, faces, weights and appearance of a skinned primitive."""
     vertices, faces = triangles(data, primitive)
@@ -139,8 +140,10 @@ def _primitive(
         return vertices, faces, np.zeros((0, 0)), Appearance()
     vertices = morphed(data, vertices, "POSITION", primitive.get("targets"), morph_weights(data, node))
     rows = partial(attribute, data, primitive)
-    joints = len(data.one("skins", node["skin"])["joints"])
-    weights = _weights(len(vertices), primitive["attributes"], rows, joints)
+    joints = [int(joint) for joint in data.one("skins", node["skin"])["joints"]]
+    own = _weights(len(vertices), primitive["attributes"], rows, len(joints))
+    weights = np.zeros((len(vertices), len(nodes)))
+    np.add.at(weights.T, [nodes.index(joint) for joint in joints], own.T)
     looks = materials.appearance(primitive, rows, len(vertices), f"mesh {node['mesh']}")
     return vertices, faces, weights, (None if looks is None else looks.get()) or Appearance()
 

@@ -218,7 +218,7 @@ def _weights(surface: Surface, vertices: NDArray[np.float64], blend: float) -> N
 
 
 def _color_shares(body: Body, surface: Surface, vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the share of each color of `PARTS`: those of the nearest segments, and hair where the hair's solid is."""
+    """Return the share of each color of `PARTS`: those of the nearest segments, and hair on the head."""
     of_segment = {piece.segment: piece.color for piece in make_pieces(body) if piece.name != "hair"}
     blend = _COLOR_BLEND * body.height
     distances = surface.segment_distances(vertices)
@@ -228,9 +228,11 @@ def _color_shares(body: Body, surface: Surface, vertices: NDArray[np.float64]) -
         column = PARTS.index(of_segment[name])
         shares[:, column] = np.maximum(shares[:, column], row)
     shares /= shares.sum(axis=1, keepdims=True)
-    hair = next(piece for piece in make_pieces(body) if piece.name == "hair")
-    local = (vertices - body.joints["head"] - hair.center) / hair.solid.radii
-    has_hair = np.clip((1.09 - np.linalg.norm(local, axis=1)) / 0.05, 0, 1)[:, None]
+    # Hair is on the head, but not below the hairline in front, and not on the nape.
+    center, half = body.head
+    x, _, z = ((vertices - center) / half).T
+    in_face = np.minimum(x - 0.28, 0.56 - z) / 0.1 + 0.5
+    has_hair = (np.clip(1 - in_face, 0, 1) * np.clip((z + 0.5) / 0.1, 0, 1))[:, None]
     has_hair = np.where(distances.argmin(axis=0)[:, None] == SEGMENTS.index("head"), has_hair, 0)
     return shares * (1 - has_hair) + has_hair * (np.arange(len(PARTS)) == PARTS.index("hair"))
 

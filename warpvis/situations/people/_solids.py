@@ -59,8 +59,8 @@ def make_pieces(body: Body) -> tuple[Piece, ...]:
     pieces.append(Piece("neck", "neck", neck, (skull - nape) / 2, tilt, "skin"))
     face = ellipsoid(half_axes, mesh_tolerance=_MESH_TOLERANCE)
     pieces.append(Piece("head", "head", face, head - skull, np.eye(3), "skin"))
-    cap = ellipsoid(half_axes * (1.04, 1.07, 0.80), mesh_tolerance=_MESH_TOLERANCE)
-    shift = half_axes * (-0.12, 0.0, 0.20)
+    cap = ellipsoid(half_axes * (1.10, 1.07, 0.88), mesh_tolerance=_MESH_TOLERANCE)
+    shift = half_axes * (-0.18, 0.0, 0.20)
     pieces.append(Piece("hair", "head", cap, head + shift - skull, np.eye(3), "hair"))
     for side in SIDES:
         pieces += _limb_pieces(body, side)

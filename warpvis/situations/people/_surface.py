@@ -96,7 +96,7 @@ def _add_head(body: Body, shapes: dict[str, list[Distance]]) -> None:
     jaw = half * (0.66, 0.80, 0.62)
     shapes["head"].append(partial(_ellipsoid, center=to_head + (0.26 * half[0], 0, jaw[2] - half[2]), radii=jaw))
     hair = next(piece for piece in make_pieces(body) if piece.name == "hair")
-    shapes["head"].append(partial(_ellipsoid, center=hair.center, radii=1.03 * hair.solid.radii))
+    shapes["head"].append(partial(_ellipsoid, center=hair.center, radii=hair.solid.radii))
     bridge = to_head + half * (0.90, 0.0, 0.02)
     tip = to_head + half * (1.10, 0.0, -0.24)
     shapes["head"].append(_bone(bridge, tip, 0.0045 * h, 0.0085 * h))
