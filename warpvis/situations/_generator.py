@@ -109,10 +109,10 @@ class SituationGenerator:
         self._device = device
 
     def shard(self, number: int) -> list[Situation]:
-        """Generate the situations of a shard: `SituationOptions.per_shard` of them.
+        """Generate the situations of a shard: `SituationOptions.per_shard`, or fewer if its rooms are too small.
 
         Raises:
-            SceneError: If the rooms that were tried do not suffice.
+            SceneError: If none of the rooms has a situation with the kinds of questions.
         """
         number = check_whole(number, "number", minimum=0, error=SceneError)
         situations: list[Situation] = []
@@ -122,10 +122,10 @@ class SituationGenerator:
                 found = self._of_room(number, attempt, missing)
                 start = len(situations)
                 situations += [_named(one, number, start) for one in found]
-        if len(situations) < self.options.per_shard:
+        if not situations:
             raise SceneError(
-                f"questions {', '.join(self.options.questions)} must occur in the rooms: shard {number} has only "
-                f"{len(situations)} of {self.options.per_shard} situations. Ask more kinds of questions."
+                f"questions must occur in at least one room of a shard, got {', '.join(self.options.questions)}, which "
+                f"{_MAX_ROOMS} rooms of shard {number} do not have. Ask more kinds of questions."
             )
         return situations
 
