@@ -7,7 +7,7 @@ from __future__ import annotations
 from warpvis.situations._generator import QUESTION_KINDS, SituationGenerator, SituationOptions
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
-from warpvis.situations._stage import StageOptions
+from warpvis.situations._stage_items import StageOptions
 from warpvis.situations.people import (
     JOINT_LIMITS,
     Body,

@@ -26,7 +26,8 @@ from warpvis.situations._pairs import find_pairs
 from warpvis.situations._placing import ABSENT
 from warpvis.situations._sequences import Sequence, find_sequences
 from warpvis.situations._situation import Moment, Participant, Question, Situation, Thing
-from warpvis.situations._stage import Arrangements, Stage, StageOptions
+from warpvis.situations._stage import Arrangements, Stage
+from warpvis.situations._stage_items import StageOptions
 from warpvis.situations._wording import WORDINGS
 from warpvis.situations.rooms import ROOM_KINDS, generate_room
 
@@ -161,6 +162,8 @@ class SituationGenerator:
     def _of_room(self, number: int, attempt: int, count: int) -> list[Situation]:
         """Generate at most `count` situations in a room, named by their number in it."""
         stage, numbers, described = self._stage(number, attempt)
+        if not len(stage.standing_spots()):
+            return []
         arranged = stage.arrange(_WORLDS)
         if not len(arranged.kept):
             return []

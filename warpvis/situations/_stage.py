@@ -10,41 +10,41 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from warpvis.cameras.pinhole import Camera
-from warpvis.core.checks import check_flag, check_whole
 from warpvis.core.labels import Label
 from warpvis.core.poses import poses_to_matrices
 from warpvis.core.types import DeviceLike
-from warpvis.errors import SceneError
 from warpvis.planning import look_along
-from warpvis.scene import Scene
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._observations import Observations, Viewer, Watch
 from warpvis.situations._panel import Panel
 from warpvis.situations._placing import ABSENT, Placing
-from warpvis.situations.people import Colors, Person, looking_at, sitting, standing
+from warpvis.situations._stage_items import (
+    BLOCKERS,
+    ROBOT,
+    ROBOT_EYES,
+    ROBOT_HEIGHT,
+    ROBOT_RADIUS,
+    SHIRTS,
+    TALL_BLOCKERS,
+    TARGETS,
+    StageOptions,
+    add_robot,
+    choose_items,
+    make_people,
+    words_of,
+)
+from warpvis.situations.people import Person, looking_at, sitting, standing
 from warpvis.situations.rooms import Room, RoomItem
 from warpvis.situations.rooms._boxes import boxes_of, boxes_overlap, plan_distance
 from warpvis.situations.rooms.shapes import CATEGORIES
 
-NAMES = ("Anna", "Ben", "Carla", "David")
-"""Names of the people."""
-_SHIRTS = {"red": (0.75, 0.12, 0.12), "blue": (0.12, 0.25, 0.7), "green": (0.1, 0.5, 0.2), "yellow": (0.9, 0.75, 0.1)}
-_TARGETS = (
-    "mug", "bottle", "bowl", "vase", "book", "can", "teapot", "ball", "teddy bear", "toy car", "cushion", "flask",
-)  # fmt: skip
-_STANDING_BLOCKERS = ("screen",)
-_BLOCKERS = ("box", "monitor", "television", "printer", "microwave", "speaker", "suitcase", "crate", "toolbox")
 _MIN_PLACES = 4
 """Objects with fewer places in a room are not used."""
 _PLACES = 48
 _STANDING_PLACES = 256
 _BODY_RADIUS, _BODY_HEIGHT = 0.3, 2.0
-_ROBOT_RADIUS, _ROBOT_HEIGHT, _ROBOT_EYES = 0.22, 1.3, 1.2
-_ROBOT = "robot"
 _SEATED = 0.3
 """Share of the arrangements in which a person sits, if there is a seat."""
 _AWAY = 0.3
@@ -56,36 +56,6 @@ _CAMERAS = 5
 _TRIED_PLACES = 24
 # Where a person looks who turns: a point this far ahead, at this height [m].
 _AHEAD, _AHEAD_HEIGHT = 2.0, 0.9
-_PICTURE = Camera.from_fov(320, 240, hfov=math.radians(80), near=0.05, far=math.inf)
-_PERSON_VIEW = Camera.from_fov(320, 256, hfov=math.radians(120), near=0.01, far=math.inf)
-_ROBOT_VIEW = Camera.kinect()
-
-
-@dataclass(frozen=True)
-class StageOptions:
-    """Who and what is in a room."""
-
-    people: int = 2
-    """Number of people."""
-    robot: bool = True
-    """Whether there is a robot with a camera."""
-    picture: Camera = _PICTURE
-    """The camera of the pictures."""
-    person_view: Camera = _PERSON_VIEW
-    """The field of both eyes of a person about the gaze, in which both see: 120 degrees wide."""
-    robot_view: Camera = _ROBOT_VIEW
-    """The camera of the robot, and its range."""
-
-    def __post_init__(self) -> None:
-        check_whole(self.people, "people", minimum=0, error=SceneError)
-        check_flag(self.robot, "robot", SceneError)
-        if self.people > len(NAMES):
-            raise SceneError(f"people must be from 0 to {len(NAMES)}, got {self.people}")
-        if not self.people and not self.robot:
-            raise SceneError("a stage must have at least one person or the robot")
-        for name in ("picture", "person_view", "robot_view"):
-            if not isinstance(getattr(self, name), Camera):
-                raise SceneError(f"{name} must be a Camera, got {type(getattr(self, name)).__name__}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,31 +80,31 @@ class Stage:
         self.room, self.options, self._numbers = room, options, numbers
         self.scene = room.build(device, movable=False)
         taken = Counter(item.category for item in room.items)
-        self.things = _choose_items(_TARGETS, taken, numbers, "thing", (2, 2, 1, 1, 1))
-        self.blockers = _choose_items(_BLOCKERS, taken, numbers, "blocker", (1, 1, 1))
-        self.blockers += _choose_items(_STANDING_BLOCKERS, taken, numbers, "tall", (2,))
+        self.things = choose_items(TARGETS, taken, numbers, "thing", (2, 2, 1, 1, 1))
+        self.blockers = choose_items(BLOCKERS, taken, numbers, "blocker", (1, 1, 1))
+        self.blockers += choose_items(TALL_BLOCKERS, taken, numbers, "tall", (2,))
         self._places, self._supports = self._find_places()
         self.things, self.blockers = (
             [item for item in items if len(self._places[item.name]) >= _MIN_PLACES]
             for items in (self.things, self.blockers)
         )
         self.words = {item.name: f"the {item.words}" for item in (*self.things, *self.blockers)}
-        self.words |= _words_of(room)
+        self.words |= words_of(room)
         for item in (*self.things, *self.blockers):
             shown = {"category": item.category, "appearance": item.appearance}
             self.scene.add(item.mesh, name=item.name, label=Label.OBJECT, pose=item.pose, movable=True, **shown)
-        self.people = _make_people(options.people, numbers)
+        self.people = make_people(options.people, numbers)
         self.agents = {name: person.add_to(self.scene, name) for name, person in self.people.items()}
-        shirts = dict(zip(self.people, _SHIRTS, strict=False))
+        shirts = dict(zip(self.people, SHIRTS, strict=False))
         self.agent_words = {name: f"the person in the {shirts[name]} shirt" for name in self.people}
         for name, agent in self.agents.items():
             self.words |= dict.fromkeys(agent.body, self.agent_words[name])
         if options.robot:
-            _add_robot(self.scene)
-            self.agent_words[_ROBOT] = self.words[_ROBOT] = "the robot"
+            add_robot(self.scene)
+            self.agent_words[ROBOT] = self.words[ROBOT] = "the robot"
         targets = {item.name: [item.name] for item in self.things}
         targets |= {name: list(agent.body) for name, agent in self.agents.items()}
-        targets |= {_ROBOT: [_ROBOT]} if options.robot else {}
+        targets |= {ROBOT: [ROBOT]} if options.robot else {}
         self.watch = Watch(self.scene, targets)
         self._columns = {self.scene.objects[index].name: column for column, index in enumerate(self.scene.movable)}
         low, high = _SEAT_HEIGHTS
@@ -152,7 +122,7 @@ class Stage:
     def bodies(self) -> list[str]:
         """Return the names of everything that is placed, in the order of `Arrangements.placing`."""
         things, blockers = ([item.name for item in items] for items in (self.things, self.blockers))
-        return [*things, *self.people, *blockers, *([_ROBOT] if self.options.robot else [])]
+        return [*things, *self.people, *blockers, *([ROBOT] if self.options.robot else [])]
 
     def move(self, poses: NDArray[np.float32], name: str, offset: NDArray[np.float64]) -> None:
         """Move an object of interest or a blocker by offsets ``(W, 3)`` [m] in poses ``(W, M, 7)``."""
@@ -233,7 +203,7 @@ class Stage:
         for item in self.blockers:
             self._put(item, placing, poses, between=(list(eyes.values()), list(centers.values())))
         if self.options.robot:
-            eyes[_ROBOT] = self._pose_robot(placing, standing_rows, centers, poses)
+            eyes[ROBOT] = self._pose_robot(placing, standing_rows, centers, poses)
         kept = np.flatnonzero(placing.valid)
         viewers = [self._viewer(name, eyes[name][kept]) for name in self.participants]
         panel = self._watch_from_best_camera(viewers, poses[kept])
@@ -282,13 +252,13 @@ class Stage:
         seat_rows = np.array([[*seat.position[:2], 0.0] for seat in seats]).reshape(-1, 3)
         rows = np.concatenate([standing_rows, seat_rows])
         worlds = len(placing.valid)
-        wished = self._numbers.below(max(len(standing_rows), 1), worlds)
+        wished = self._numbers.below(len(standing_rows), worlds)
         if len(seats):
             sits = self._numbers.unit(worlds) < _SEATED
             wished = np.where(sits, len(standing_rows) + self._numbers.below(len(seats), worlds), wished)
         chosen = placing.place(rows, _BODY_RADIUS, _BODY_HEIGHT, wished)
         seat = np.where(chosen >= len(standing_rows), chosen - len(standing_rows), -1)
-        return (rows[chosen] if len(rows) else np.zeros((worlds, 3))), seat
+        return rows[chosen], seat
 
     def _gaze(self, place: NDArray[np.float64], centers: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return a point to look at in each arrangement: mostly an object of interest, else anywhere, ``(W, 3)``."""
@@ -348,14 +318,14 @@ class Stage:
         poses: NDArray[np.float32],
     ) -> NDArray[np.float64]:
         """Write the poses of the robot, and return those of its camera, shape ``(W, 7)``."""
-        chosen = placing.place(standing_rows, _ROBOT_RADIUS, _ROBOT_HEIGHT)
+        chosen = placing.place(standing_rows, ROBOT_RADIUS, ROBOT_HEIGHT)
         worlds = len(chosen)
-        place = standing_rows[chosen] if len(standing_rows) else np.zeros((worlds, 3))
+        place = standing_rows[chosen]
         point = self._gaze(place, centers)
         heading = np.arctan2(point[:, 1] - place[:, 1], point[:, 0] - place[:, 0])
         zeros = np.zeros((worlds, 2))
-        poses[:, self._columns[_ROBOT]] = np.column_stack([place, zeros, np.sin(heading / 2), np.cos(heading / 2)])
-        start = place + [0, 0, _ROBOT_EYES]
+        poses[:, self._columns[ROBOT]] = np.column_stack([place, zeros, np.sin(heading / 2), np.cos(heading / 2)])
+        start = place + [0, 0, ROBOT_EYES]
         down = np.clip((point - start)[:, 2], -0.7, 0.3)
         return look_along(start, np.column_stack([np.cos(heading), np.sin(heading), down]), 2)
 
@@ -408,8 +378,8 @@ class Stage:
 
     def _viewer(self, name: str, eyes: NDArray[np.float64]) -> Viewer:
         words = self.agent_words[name]
-        if name == _ROBOT:
-            return Viewer(name, "robot", self.options.robot_view, eyes, words, (_ROBOT,))
+        if name == ROBOT:
+            return Viewer(name, "robot", self.options.robot_view, eyes, words, (ROBOT,))
         return Viewer(name, "person", self.options.person_view, eyes, words, self.agents[name].body)
 
     def _watch_from_best_camera(self, viewers: Sequence[Viewer], poses: NDArray[np.float32]) -> Panel:
@@ -439,54 +409,3 @@ class Stage:
 def _wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return angles from -pi to pi."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
-
-
-def _choose_items(
-    categories: Sequence[str], taken: Counter[str], numbers: Numbers, prefix: str, counts: Sequence[int]
-) -> list[RoomItem]:
-    """Return items of random categories that a room does not have, several of one in different colors."""
-    free = [categories[index] for index in numbers.order(len(categories)) if not taken[categories[index]]]
-    items: list[RoomItem] = []
-    for category, count in zip(free, counts, strict=False):
-        kind = CATEGORIES[category]
-        taken[category] += count
-        colors = [kind.colors[index] for index in numbers.order(len(kind.colors))][:count]
-        parameters = kind.variants[int(numbers.below(len(kind.variants), 1)[0])]
-        for color in colors:
-            pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-            items.append(RoomItem(f"{prefix}_{len(items)}", category, color, pose, "", parameters=parameters))
-    return items
-
-
-def _words_of(room: Room) -> dict[str, str]:
-    """Return words for the room's items that are unique in it: ``"the sofa"``, or ``"the red chair"``."""
-    by_category = Counter(item.category for item in room.items)
-    by_words = Counter(item.words for item in room.items)
-    words = {}
-    for item in room.items:
-        if by_category[item.category] == 1:
-            words[item.name] = f"the {item.category}"
-        elif by_words[item.words] == 1:
-            words[item.name] = f"the {item.words}"
-    return words
-
-
-def _make_people(count: int, numbers: Numbers) -> dict[str, Person]:
-    people = {}
-    for name, shirt in zip(NAMES[:count], _SHIRTS.values(), strict=False):
-        height = round(float(numbers.uniform(1.55, 1.9, 1)[0]), 2)
-        people[name] = Person(height=height, colors=Colors(shirt=shirt))
-    return people
-
-
-def _add_robot(scene: Scene) -> None:
-    """Add the robot: a base, a mast and a head with a camera at `_ROBOT_EYES`, which looks along x."""
-    radius = _ROBOT_RADIUS
-    parts = [
-        trimesh.creation.cylinder(radius, 0.25, sections=24).apply_translation((0, 0, 0.135)),
-        trimesh.creation.box((0.08, 0.08, 0.9)).apply_translation((0, 0, 0.7)),
-        trimesh.creation.box((0.12, 0.3, 0.16)).apply_translation((0, 0, _ROBOT_EYES)),
-    ]
-    mesh = trimesh.util.concatenate(parts)
-    shown = {"category": _ROBOT, "appearance": (0.92, 0.92, 0.94)}
-    scene.add(mesh, name=_ROBOT, label=Label.ROBOT, pose=(0, 0, 0, 0, 0, 0, 1), movable=True, **shown)
