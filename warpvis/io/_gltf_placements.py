@@ -264,7 +264,7 @@ def joint_places(data: GltfData, skin: Json) -> NDArray[np.float64]:
     if inverse.shape[1] != 16 or len(inverse) < len(item["joints"]):
         raise ValueError(f"a skin of {len(item['joints'])} joints needs as many matrices, got {inverse.shape}")
     matrices = inverse[: len(item["joints"])].astype(np.float64).reshape(-1, 4, 4).swapaxes(1, 2)
-    return np.linalg.inv(matrices)[:, :3, 3]
+    return np.linalg.inv(matrices)[:, :3, 3].astype(np.float64)
 
 
 def joint_matrices(data: GltfData, skin: Json) -> NDArray[np.float64]:

@@ -318,9 +318,17 @@ def _crouch(posture: Posture, state: State) -> None:
     state.angles["pelvis_pitch"], state.angles["spine_flexion"] = pitch, 0.15 * knee
     state.angles["neck_flexion"] = -0.15 * knee
     for side in SIDES:
-        legs = {"hip_flexion": knee - lean + pitch, "hip_abduction": 0.04 + 0.13 * knee, "knee_flexion": knee}
+        legs: dict[str, ArrayLike] = {
+            "hip_flexion": knee - lean + pitch,
+            "hip_abduction": 0.04 + 0.13 * knee,
+            "knee_flexion": knee,
+        }
         state.set({**legs, "ankle_flexion": np.minimum(lean, math.radians(20))}, side)
-        arms = {"shoulder_flexion": 0.6 * knee, "shoulder_abduction": 0.12, "shoulder_rotation": 0.25}
+        arms: dict[str, ArrayLike] = {
+            "shoulder_flexion": 0.6 * knee,
+            "shoulder_abduction": 0.12,
+            "shoulder_rotation": 0.25,
+        }
         state.set({**arms, "elbow_flexion": 0.22 + 0.35 * knee}, side)
     _ground(state)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,11 +88,11 @@ def make_skin(body: Body) -> Skin:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     weights = _weights(surface, vertices, _BLEND * body.height)
     colors = _color_shares(body, surface, vertices)
-    skin = [vertices], [faces], [normals], [weights], [colors]
+    skin: tuple[list[NDArray[Any]], ...] = ([vertices], [faces], [normals], [weights], [colors])
     for side in (1, -1):
         _add_eye(body, surface, side, skin)
-    corners, triangles, directions, weights, colors = (np.concatenate(items) for items in skin)
-    return Skin(corners, triangles.astype(np.int32), directions, weights, colors, surface.frames)
+    merged: list[NDArray[Any]] = [np.concatenate(items) for items in skin]
+    return Skin(merged[0], merged[1].astype(np.int32), merged[2], merged[3], merged[4], surface.frames)
 
 
 def _grid(steps: tuple[tuple[float, float], ...], height: float) -> NDArray[np.float64]:
@@ -237,7 +238,7 @@ def _color_shares(body: Body, surface: Surface, vertices: NDArray[np.float64]) -
     return shares * (1 - has_hair) + has_hair * (np.arange(len(PARTS)) == PARTS.index("hair"))
 
 
-def _add_eye(body: Body, surface: Surface, side: int, skin: tuple[list[NDArray], ...]) -> None:
+def _add_eye(body: Body, surface: Surface, side: int, skin: tuple[list[NDArray[Any]], ...]) -> None:
     """Add an eyeball that looks out of the head by a fifth of its radius."""
     radius = _EYE_RADIUS * body.height
     ball = sphere(radius, mesh_tolerance=0.06 * radius)
