@@ -15,8 +15,7 @@ from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Scene
 from warpvis.situations._situation import Sight
-from warpvis.visibility._fractions import FractionMeter
-from warpvis.visibility._margins import MarginMeter
+from warpvis.visibility import FractionMeter, MarginMeter
 
 OCCLUDERS = 3
 """Number of blockers that are recorded for each object."""
