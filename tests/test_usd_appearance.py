@@ -252,6 +252,13 @@ def test_distant_lights(tmp_path):
     assert light.intensity == pytest.approx(np.pi)  # a white surface that faces it is white
 
 
+def test_color_temperatures(tmp_path):
+    text = 'def DistantLight "sun"\n{\n    bool inputs:enableColorTemperature = 1\n'
+    (light,) = lit(tmp_path, text + "    float inputs:colorTemperature = 3000\n}\n")
+    red, green, blue = light.color
+    assert red > green > blue
+
+
 def test_ratios_of_lights_are_physical(tmp_path):
     """A disk of 1 m2 and 100 nt at 10 m gives as much light as a distant light of its solid angle."""
     radius = np.sqrt(1 / np.pi)

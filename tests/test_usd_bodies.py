@@ -155,6 +155,16 @@ def test_generic_joints_with_one_free_axis_are_read(tmp_path):
     np.testing.assert_array_equal(joint.axis, (0, 1, 0))
 
 
+def test_joints_follow_others(tmp_path):
+    text = "".join(f'def Xform "{name}" {BODY} {{\n{stages.mesh("m")}}}\n' for name in "ab")
+    text += 'def PhysicsRevoluteJoint "j" {\n    rel physics:body1 = </a>\n}\n'
+    text += 'def PhysicsRevoluteJoint "k" {\n    rel physics:body1 = </b>\n    rel newton:mimicJoint = </j>\n'
+    text += "    float newton:mimicCoef0 = 0.5\n    float newton:mimicCoef1 = -2\n}\n"
+    joints = stages.load(tmp_path, text).joints
+    assert joints.names == ("j",)
+    assert joints["k"].mimic == ("j", -2.0, 0.5)
+
+
 def test_joint_values_of_the_stage_are_initial(tmp_path):
     text = f'def Xform "a" {BODY} {{\n    float xformOp:rotateZ = 30\n'
     text += f'    uniform token[] xformOpOrder = ["xformOp:rotateZ"]\n{stages.mesh("m")}}}\n'

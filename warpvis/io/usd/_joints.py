@@ -57,13 +57,16 @@ def read_joints(
     Returns:
         The tree, whose links are the bodies and `WORLD`, and what is not read.
     """
-    names = Counter(str(prim.GetName()) for prim in prims)
+    counts = Counter(str(prim.GetName()) for prim in prims)
+    names = {}
+    for prim in prims:
+        name, path = str(prim.GetName()), str(prim.GetPath())
+        names[path] = name if counts[name] == 1 else path
     notes: list[str] = []
     found = []
     for prim in prims:
-        name = str(prim.GetName())
         try:
-            joint = _read(prim, name if names[name] == 1 else str(prim.GetPath()), bodies, meters)
+            joint = _read(prim, names, bodies, meters)
             if joint is not None:
                 found.append(joint)
         except Exception as error:  # damaged files may raise any exception
@@ -130,7 +133,9 @@ def _joint(found: _Found, parent: str, child: str, poses: Mapping[str, NDArray[n
     return Joint(found.name, kind, parent, child, origin, axis, found.limits, found.mimic, value, child_origin)
 
 
-def _read(prim: Any, name: str, bodies: Mapping[str, NDArray[np.float64]], meters: float) -> _Found | None:
+def _read(
+    prim: Any, names: Mapping[str, str], bodies: Mapping[str, NDArray[np.float64]], meters: float
+) -> _Found | None:
     """Read a joint; None if it is disabled or holds no rigid body. Raise a `ValueError` if it is not supported."""
     if prim.GetAttribute("physics:jointEnabled").Get() is False:
         return None
@@ -153,7 +158,8 @@ def _read(prim: Any, name: str, bodies: Mapping[str, NDArray[np.float64]], meter
         raise ValueError(f"a {type_name.removeprefix('Physics')} is not supported")
     if kind == "revolute" and limits is None:
         kind = "continuous"
-    return _Found(name, kind, (first, second), (frame, other), axis, limits, _mimic(prim))
+    name = names[str(prim.GetPath())]
+    return _Found(name, kind, (first, second), (frame, other), axis, limits, _mimic(prim, names))
 
 
 def _side(
@@ -215,13 +221,13 @@ def _generic(prim: Any, meters: float) -> tuple[JointKind, tuple[float, ...], tu
     return ("revolute" if is_turn else "prismatic"), _AXES[name[-1]], limits
 
 
-def _mimic(prim: Any) -> Mimic | None:
+def _mimic(prim: Any, names: Mapping[str, str]) -> Mimic | None:
     """Return the joint that another one follows (NewtonMimicAPI)."""
     targets = prim.GetRelationship("newton:mimicJoint").GetForwardedTargets()
-    if not targets:
+    if not targets or str(targets[0]) not in names:
         return None
     offset, factor = (prim.GetAttribute(f"newton:mimicCoef{number}").Get() for number in (0, 1))
-    return Mimic(str(targets[0]).rpartition("/")[2], float(1.0 if factor is None else factor), float(offset or 0.0))
+    return Mimic(names[str(targets[0])], float(1.0 if factor is None else factor), float(offset or 0.0))
 
 
 def _angle(rotation: NDArray[np.float64], axis: NDArray[np.float64]) -> float:
