@@ -57,7 +57,7 @@ class FakeGenerator:
             ),
             Question(
                 "which", f"Which mug does {name} mean?", (), tuple(f"the {thing.words}" for thing in things),
-                f"the {things[which].words}", "Only this one is visible.", (name, "mug_0", "mug_1"), 0.1, "meters",
+                f"the {things[which].words}", "Only this one is visible.", (name, "mug_0", "mug_1"), np.inf if index == 3 else 0.1, "meters",
             ),
         )  # fmt: skip
         images = {}

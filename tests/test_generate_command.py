@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command generate: its output, and errors of one sentence; with a generator without geometry."""
 
+from functools import partial
+
 import pytest
 from command_line import run_inside
 from situation_jobs import FakeGenerator, FakeOptions
@@ -12,14 +14,18 @@ from warpvis.batch.situations import open_situations
 pytest.importorskip("sklearn")
 
 
+def make_options(shortcut="", **options):
+    return FakeOptions(options["seed"], shortcut, per_room=options["per_shard"])
+
+
 @pytest.fixture(autouse=True)
 def fake_generator(monkeypatch):
-    monkeypatch.setattr(situations, "SituationGenerator", FakeGenerator, raising=False)
-    monkeypatch.setattr(situations, "SituationOptions", FakeOptions, raising=False)
+    monkeypatch.setattr(situations, "SituationGenerator", FakeGenerator)
+    monkeypatch.setattr(situations, "SituationOptions", make_options)
 
 
 def generate(tmp_path, *others, count=60):
-    given = ("generate", "--scenes", "procedural", "--out", "out", "--shard-situations", "10", "--threads", "1")
+    given = ("generate", "--scenes", "procedural", "--out", "out", "--per-shard", "10", "--threads", "1")
     return run_inside(*given, "--count", count, *others, cwd=tmp_path)
 
 
@@ -31,7 +37,7 @@ def test_generate(tmp_path):
     assert "not tested for shortcuts: 120 questions, too few of their kind" in first.stdout
     assert open_situations(tmp_path / "out")[0].room == {"seed": 0, "kind": "kitchen"}
     text = (tmp_path / "out" / "README.md").read_text()
-    command = "--seed 3 --format jsonl --shard-situations 10 --license mit --out OUT"
+    command = "--seed 3 --format jsonl --per-shard 10 --license mit --out OUT"
     assert f"warpvis generate --count 60 {command}" in text
     again = generate(tmp_path, "--seed", "3", "--format", "jsonl", "--license", "mit", "--resume")
     assert again.returncode == 0 and "nothing was left to do" in again.stdout
@@ -58,7 +64,7 @@ def test_wrong_options(tmp_path, name):
 
 
 def test_shortcut_names_the_option(tmp_path, monkeypatch):
-    monkeypatch.setattr(situations, "SituationOptions", lambda seed: FakeOptions(seed, shortcut="text"))
+    monkeypatch.setattr(situations, "SituationOptions", partial(make_options, shortcut="text"))
     refused = generate(tmp_path, count=100)
     assert refused.returncode == 2 and "Use --allow-shortcuts to accept this" in refused.stderr
     accepted = generate(tmp_path, "--resume", "--allow-shortcuts", count=100)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -18,6 +18,7 @@ from warpvis.errors import FileFormatError
 
 if TYPE_CHECKING:
     from warpvis.batch.situations import SituationSummary
+    from warpvis.situations import SituationOptions
 
 _PROCEDURAL = "procedural"
 _NOT_IN_COMMAND = ("out", "resume", "repair", "allow_shortcuts", "threads", "engine", "workers", "address", "quiet")
@@ -42,8 +43,16 @@ class Generate:
     """Seed of the rooms and of everything in them."""
     format: str = "webdataset"
     """webdataset, parquet, jsonl or lerobot."""
-    shard_situations: int = 100
-    """Maximum number of situations per shard, which has one room."""
+    per_shard: int = 100
+    """Number of situations per shard, which has one room, or several if one does not suffice."""
+    rooms: Names = ()
+    """Kinds of rooms, in turns; all by default."""
+    questions: Names = ()
+    """Kinds of questions; all by default."""
+    outputs: Names = ("color",)
+    """Pictures of each view: color, depth and segmentation."""
+    views: Literal["camera", "all"] = "camera"
+    """camera for pictures of the camera only, all for those of the participants, too."""
     license: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
     """License for the datasheet, such as cc-by-4.0; none by default."""
     shortcut_threshold: float = 0.15
@@ -83,22 +92,18 @@ class Generate:
 
     def generate(self) -> None:
         """Generate in this process."""
-        from warpvis import situations
         from warpvis.batch.situations import generate_situations
+        from warpvis.situations import SituationGenerator
 
         if split_names(self.scenes) != [_PROCEDURAL]:
             raise FileFormatError(f"--scenes must be {_PROCEDURAL}, got {' '.join(self.scenes)}")
-        generator, options = (getattr(situations, name, None) for name in ("SituationGenerator", "SituationOptions"))
-        if generator is None or options is None:
-            raise FileFormatError("--scenes procedural has no generator in this version")
         try:
             summary = generate_situations(
                 self.out,
-                options(seed=self.seed),
-                generator,
+                self.options(),
+                SituationGenerator,
                 count=self.count,
                 format=self.format,
-                shard_situations=self.shard_situations,
                 device=self.device,
                 threads=self.threads,
                 engine=self.engine,
@@ -117,6 +122,14 @@ class Generate:
             raise
         if not self.quiet:
             print_situations(summary, self.format)
+
+    def options(self) -> SituationOptions:
+        """Return the options of the generator."""
+        from warpvis.situations import SituationOptions
+
+        given = {name: tuple(split_names(getattr(self, name))) for name in ("rooms", "questions", "outputs")}
+        chosen: dict[str, Any] = {name: names for name, names in given.items() if names}
+        return SituationOptions(seed=self.seed, per_shard=self.per_shard, views=self.views, **chosen)
 
     def command(self) -> str:
         """Return the command that generates the same files, for the datasheet."""

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -39,7 +40,13 @@ class Stored:
     def restore(self) -> Situation:
         """Return the situation with its pictures."""
         images = {key: decode_picture(key, file, data) for key, (file, data) in self.files.items()}
-        return Situation.from_dict(dict(self.record), images)
+        return Situation.from_dict(with_margins(self.record), images)
+
+
+def with_margins(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record with infinite margins, which are null in JSON."""
+    questions = [q | {"margin": math.inf if q["margin"] is None else q["margin"]} for q in record["questions"]]
+    return {**record, "questions": questions}
 
 
 class SituationFormat:
@@ -101,7 +108,7 @@ def make_row(situation: Situation, pictures: Files) -> dict[str, Any]:
                 "answer": question.answer,
                 "reason": question.reason,
                 "about": list(question.about),
-                "margin": float(question.margin),
+                "margin": _finite(float(question.margin)),
                 "unit": question.unit,
             }
             for question in situation.questions
@@ -123,8 +130,17 @@ def make_row(situation: Situation, pictures: Files) -> dict[str, Any]:
 
 
 def record_text(situation: Situation) -> str:
-    """Return everything but the pictures as JSON."""
-    return json.dumps(situation.to_dict(), allow_nan=False, separators=(",", ":"))
+    """Return everything but the pictures as JSON, with null for infinite numbers."""
+    return json.dumps(_finite(situation.to_dict()), allow_nan=False, separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    """Return a value of JSON with None for numbers that JSON cannot hold."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def read_shard_file(store: Store, name: str) -> bytes:

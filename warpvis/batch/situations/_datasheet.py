@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from warpvis.batch.situations._base import SituationFormat
+from warpvis.batch.situations._base import SituationFormat, with_margins
 from warpvis.batch.situations._pictures import MEANING
 from warpvis.batch.situations._stored import StoredShards
 from warpvis.core.checks import format_percent, pluralize
@@ -76,8 +76,9 @@ def write_datasheet(
 
     def counted() -> Iterator[Situation]:
         for record in shards.records():
+            record = with_margins(record)
             found.add(record)
-            yield Situation.from_dict(dict(record))
+            yield Situation.from_dict(record)
 
     found.shortcuts = find_shortcuts(counted(), threshold=threshold)
     parts = [_card(found, manifest, layout), _summary(found, bytes), _composition(found), _LABELS]

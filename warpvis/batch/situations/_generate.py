@@ -69,7 +69,7 @@ def generate_situations(
     *,
     count: int,
     format: str = "webdataset",
-    shard_situations: int = 100,
+    shard_situations: int | None = None,
     device: DeviceLike = "cpu",
     threads: int | None = None,
     engine: Literal["local", "ray"] = "local",
@@ -94,7 +94,7 @@ def generate_situations(
         generator: Class of the generator, which is called as ``generator(options, device=device)``.
         count: Number of situations. A room that holds fewer than `shard_situations` makes the dataset smaller.
         format: ``"webdataset"``, ``"parquet"``, ``"jsonl"`` or ``"lerobot"``.
-        shard_situations: Maximum number of situations of a shard, which has one room.
+        shard_situations: Maximum number of situations of a shard; `per_shard` of the options by default.
         device: ``"cpu"``, ``"cuda:0"``, several separated by commas, or ``"cuda:all"``; with Ray ``"cpu"``, or
             ``"cuda"`` for one GPU per worker.
         threads: With the engine ``"local"``, number of CPU threads that all processes share; all cores by default.
@@ -116,6 +116,8 @@ def generate_situations(
             a file cannot be written. Complete shards are kept.
     """
     check_whole(count, "count")
+    if shard_situations is None:
+        shard_situations = getattr(options, "per_shard", 100)
     check_whole(shard_situations, "shard_situations")
     check_flag(allow_shortcuts, "allow_shortcuts")
     check_number(shortcut_threshold, "shortcut_threshold", minimum=0, maximum=1)
