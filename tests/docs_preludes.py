@@ -50,6 +50,8 @@ _SMALLER = {
     "count=360": "count=8",
     "step=0.1": "step=0.5",
     "spacing=0.02": "spacing=0.2",
+    "SituationGenerator, count=1000": "SituationGenerator, count=10",
+    "SituationOptions(seed=0)": "SituationOptions(seed=0, per_shard=10)",
 }
 
 

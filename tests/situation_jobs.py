@@ -19,8 +19,9 @@ class FakeOptions:
     shortcut: str = ""
     """``"distance"``: only near mugs are seen; ``"text"``: Anna sees everything, others nothing."""
     moments: int = 1
-    per_room: int = 10
+    per_shard: int = 10
     far: float = 4.0
+    limit: float = np.inf
 
 
 class FakeGenerator:
@@ -30,7 +31,7 @@ class FakeGenerator:
         self.options = options
 
     def shard(self, number):
-        return [self._situation(number, index) for index in range(self.options.per_room)]
+        return [self._situation(number, index) for index in range(self.options.per_shard)]
 
     def _situation(self, number, index):
         options = self.options
@@ -50,6 +51,7 @@ class FakeGenerator:
         state = "visible" if seen else "occluded"
         answer = "yes" if seen else "no"
         which = int(random.integers(2))
+        margin = np.inf if index == 3 else 0.1
         questions = (
             Question(
                 "sees", f"Can {name} see the {things[0].words}?", (f"Is the {things[0].words} visible to {name}?",),
@@ -57,7 +59,7 @@ class FakeGenerator:
             ),
             Question(
                 "which", f"Which mug does {name} mean?", (), tuple(f"the {thing.words}" for thing in things),
-                f"the {things[which].words}", "Only this one is visible.", (name, "mug_0", "mug_1"), np.inf if index == 3 else 0.1, "meters",
+                f"the {things[which].words}", "Only this one is visible.", (name, "mug_0", "mug_1"), margin, "meters",
             ),
         )  # fmt: skip
         images = {}
@@ -78,7 +80,7 @@ class FakeGenerator:
             tuple(Moment(things, (person,), 0.5 * time) for time in range(options.moments)),
             (Sight(name, "mug_0", 0, 0.8 if seen else 0.1, 0.01, state, () if seen else (("box", 0.9),), 1.5, None),),
             questions,
-            twin=f"{number:05d}-{twin:04d}" if twin < options.per_room else None,
+            twin=f"{number:05d}-{twin:04d}" if twin < options.per_shard else None,
             changed={"object": "box", "meters": 0.05} if index % 2 else {},
             images=images,
         )

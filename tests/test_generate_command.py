@@ -15,7 +15,7 @@ pytest.importorskip("sklearn")
 
 
 def make_options(shortcut="", **options):
-    return FakeOptions(options["seed"], shortcut, per_room=options["per_shard"])
+    return FakeOptions(options["seed"], shortcut, per_shard=options["per_shard"])
 
 
 @pytest.fixture(autouse=True)

@@ -46,7 +46,7 @@ def test_bounds():
 
 def test_few_questions_are_not_tested():
     assert find_shortcuts(situations(rooms=9)).untested == {"sees": 90, "which": 90}
-    assert find_shortcuts(situations(rooms=3, per_room=50)).untested == {"sees": 150, "which": 150}
+    assert find_shortcuts(situations(rooms=3, per_shard=50)).untested == {"sees": 150, "which": 150}
     assert find_shortcuts([]).results == ()
 
 

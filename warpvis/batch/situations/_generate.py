@@ -166,7 +166,7 @@ def _make_manifest(
     job: SituationJob, layout: SituationFormat, device: str, license: str | None, threshold: float
 ) -> Manifest:
     """Make the manifest of a job, which depends only on the job's arguments."""
-    described = json.loads(json.dumps(asdict(job.options), default=str))
+    described = json.loads(json.dumps(asdict(job.options), default=str), parse_constant=str)
     return {
         "warpvis_dataset": 1,
         "contents": "situations",
