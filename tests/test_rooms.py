@@ -100,8 +100,8 @@ BAD = {
         "size must be a number from 0.001 to 5, got 0",
     ),
     "supports of no category": (
-        lambda: room_of(0).support_places(np.random.default_rng(0), (0.1, 0.1, 0.1), 1, categories=["tabel"]),
-        "categories must be names of categories of items, got 'tabel'",
+        lambda: room_of(0).support_places(np.random.default_rng(0), (0.1, 0.1, 0.1), 1, categories=["sofas"]),
+        "categories must be names of categories of items, got 'sofas'",
     ),
     "an unknown item": (lambda: room_of(0).item("mug_99"), "the room has no item 'mug_99'"),
     "x up": (lambda: room_of(0).build(up="x"), 'up must be "z" or "y", got'),

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of glTF files: a skinned mesh with its joints, for people of one's own."""
+"""Figures of glTF files: a skinned mesh with its joints, for custom people."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _read(file: Path, content: bytes, find: Any, locate: Any) -> dict[str, Any]:
     ]
     if not primitives:
         raise FileFormatError(f"{file}: has no skinned mesh, which a figure needs")
-    # Meshes of one figure may have skins of their own, with joints in common.
+    # Meshes of one figure may have separate skins, with joints in common.
     placed: dict[int, NDArray[np.float64]] = {}
     for skin in dict.fromkeys(node["skin"] for node, _ in primitives):
         for joint, place in zip(data.one("skins", skin)["joints"], joint_places(data, skin), strict=True):

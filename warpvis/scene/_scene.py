@@ -408,7 +408,7 @@ class Scene:
     def joints(self) -> SceneJoints:
         """Joints of the loaded file, such as those of a robot: ``scene.joints.poses({"elbow": angles})``.
 
-        There are none, and `poses` returns the initial poses, if the file defines none.
+        Without joints in the file, `poses` returns the initial poses.
         """
         if "joints" not in self._derived:
             objects = [self._objects[index] for index in self.movable]

@@ -179,7 +179,7 @@ class JointTree:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the joints that have values of their own: not fixed, and following no other joint."""
+        """Names of the joints with independent values: not fixed, and following no other joint."""
         return tuple(joint.name for joint in self if joint.width and joint.mimic is None)
 
     @property

@@ -41,7 +41,7 @@ _PAIR_SHARE, _SEQUENCE_SHARE = 0.2, 0.1
 """Shares of the situations of a shard that are matched pairs, and over time."""
 _MAX_PLACES = 6
 _EYE_HEIGHT = 1.6
-"""Height of eyes at places where nobody stands yet [m]."""
+"""Height of eyes at places where a person could stand [m]."""
 _OUTPUTS = ("color", "depth", "segmentation")
 
 

@@ -117,7 +117,7 @@ def sees(panel: Panel) -> Pool:
 def _without_excess(panel: Panel, rows: tuple[NDArray[np.integer], ...]) -> NDArray[np.bool_]:
     """Return which rows to keep so that objects out of view are not more frequent than hidden ones, shape ``(n,)``.
 
-    Otherwise, almost everything that is not seen would be behind somebody's back.
+    Otherwise, almost everything that is not seen would be behind a person's back.
     """
     away = panel.found.status[rows] == Visibility.OUT_OF_VIEW
     hidden = (panel.fraction[rows] <= HIDDEN) & ~away
@@ -275,8 +275,9 @@ def who_sees(panel: Panel) -> Pool:
     share, shown = panel.fraction, about_pairs(panel)
     clear = shown & ((share >= SEEN) | (share <= HIDDEN))
     parts = [np.nonzero(clear[:, first] & clear[:, second]) for first, second in pairs]
-    world = np.concatenate([part[0] for part in parts])
-    thing = np.concatenate([part[1] for part in parts])
+    none = np.zeros(0, dtype=np.int64)
+    world = np.concatenate([none, *(part[0] for part in parts)])
+    thing = np.concatenate([none, *(part[1] for part in parts)])
     agents = np.repeat(np.array(pairs, dtype=np.int64).reshape(-1, 2), [len(part[0]) for part in parts], axis=0)
     by_first = share[world, agents[:, 0], thing] >= LIMIT
     by_second = share[world, agents[:, 1], thing] >= LIMIT

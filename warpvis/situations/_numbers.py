@@ -28,7 +28,7 @@ class Numbers:
 
     def uniform(self, low: float, high: float, *shape: int) -> NDArray[np.float64]:
         """Return numbers from `low` to `high`."""
-        return low + (high - low) * self.unit(*shape)
+        return np.asarray(low + (high - low) * self.unit(*shape), dtype=np.float64)
 
     def below(self, count: int, *shape: int) -> NDArray[np.int64]:
         """Return whole numbers from 0 to `count` - 1."""

@@ -15,13 +15,16 @@ from warpvis.situations._kinds import about_pairs
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._panel import HIDDEN, SEEN
 from warpvis.situations._stage import Arrangements, Stage
+from warpvis.situations._stage_items import TALL
 
 MAX_MOVE = 0.05
 """Maximum distance by which the blocker of a pair moves [m]."""
-_STEP = 0.01
-_REACH = 0.3
+_STEP = 0.0125
+_REACH = 0.25
 """Movements from the arrangement that are tried, to both sides [m]."""
-_MAX_TRIALS = 64
+_MAX_TRIALS = 48
+_GAPS = (0.04, 0.25)
+"""Distances between the blocker and the object [m]."""
 _MAX_ANGLE = math.radians(50)
 
 
@@ -46,18 +49,17 @@ class Pair(NamedTuple):
 
 
 def find_pairs(stage: Stage, arranged: Arrangements, count: int, numbers: Numbers) -> list[Pair]:
-    """Find at most `count` pairs, each in an arrangement of its own."""
-    rows, blocked = _candidates(stage, arranged, numbers)
+    """Find at most `count` pairs, each in a different arrangement."""
+    rows, blocked, starts = _candidates(stage, arranged, numbers)
     if not len(rows):
         return []
     offsets = np.arange(-_REACH, _REACH + _STEP / 2, _STEP)
     sideways = np.array([_sideways(arranged, row) for row in rows])
-    moves = offsets[None, :, None] * sideways[:, None]
+    moves = starts[:, None] + offsets[None, :, None] * sideways[:, None]
     shares = _shares(stage, arranged, rows, blocked, moves)
     found: list[Pair] = []
-    reach = round(MAX_MOVE / _STEP)
     for row, blocker, move, share in zip(rows.tolist(), blocked, moves, shares, strict=True):
-        pair = _nearest_flip(share, reach)
+        pair = _nearest_flip(share, round(MAX_MOVE / _STEP))
         if pair is None:
             continue
         world, agent, thing = row
@@ -69,30 +71,40 @@ def find_pairs(stage: Stage, arranged: Arrangements, count: int, numbers: Number
     return found
 
 
-def _candidates(stage: Stage, arranged: Arrangements, numbers: Numbers) -> tuple[NDArray[np.integer], list[str]]:
-    """Return rows ``world, agent, thing`` with a blocker near the line of sight, one per arrangement, and its names."""
-    panel, bodies = arranged.panel, stage.bodies()
+def _candidates(
+    stage: Stage, arranged: Arrangements, numbers: Numbers
+) -> tuple[NDArray[np.int64], list[str], NDArray[np.float64]]:
+    """Put blockers in front of objects, on the same support.
+
+    Returns:
+        Rows ``world, agent, thing``, one per arrangement; the blockers' names; and their movements from the arrangement
+        [m], shape ``(n, 3)``.
+    """
+    panel, items = arranged.panel, [item for item in stage.blockers if not item.name.startswith(TALL)]
     ahead = np.abs(panel.found.azimuth[:, :-1, : len(panel.things)]) < _MAX_ANGLE
-    rows = np.stack(np.nonzero(about_pairs(panel) & ahead), axis=1)
-    eyes = np.stack([viewer.eyes for viewer in panel.participants], axis=1)[rows[:, 0], rows[:, 1]]
-    along = np.einsum("nij,nj->ni", poses_to_matrices(eyes)[:, :3, :3], panel.found.centers[tuple(rows.T)])
-    squared = np.maximum((along * along).sum(axis=1), 1e-9)
-    found, names = [], np.array([item.name for item in stage.blockers])
-    for item in stage.blockers:
-        number = bodies.index(item.name)
-        centers = np.array([arranged.placing.center(world, number) for world in arranged.kept]).reshape(-1, 3)
-        offset = centers[rows[:, 0]] + [0, 0, item.size[2] / 2] - eyes[:, :3]
-        share = (offset * along).sum(axis=1) / squared
-        apart = np.linalg.norm((offset - share[:, None] * along)[:, :2], axis=1)
-        found.append(np.where((share > 0.2) & (share < 0.95), apart - max(item.size[:2]) / 2, np.inf))
-    if not found or not len(rows):
-        return rows[:0], []
-    near = np.min(found, axis=0) < _REACH
-    rows, names = rows[near], names[np.argmin(found, axis=0)[near]]
-    order = numbers.order(len(rows))
-    _, first = np.unique(rows[order, 0], return_index=True)  # one per arrangement
-    chosen = order[np.sort(first)][:_MAX_TRIALS]
-    return rows[chosen], names[chosen].tolist()
+    every = np.stack(np.nonzero(about_pairs(panel) & ahead), axis=1)
+    every = every[numbers.order(len(every))]
+    which, gaps = numbers.below(max(len(items), 1), len(every)), numbers.uniform(*_GAPS, len(every))
+    rows, names, starts, used = list[list[int]](), list[str](), list[NDArray[np.float64]](), set[int]()
+    for row, item_number, gap in zip(every.tolist(), which.tolist(), gaps.tolist(), strict=True):
+        if len(rows) == _MAX_TRIALS or not items:
+            break
+        world, agent, thing = row
+        if world in used:
+            continue
+        item, number = items[item_number], stage.bodies().index(panel.things[thing])
+        place = arranged.placing.center(arranged.kept[world], number)
+        toward = panel.participants[agent].eyes[world, :2] - place[:2]
+        toward /= max(float(np.linalg.norm(toward)), 1e-9)
+        reach = 0.5 * (math.hypot(*item.size[:2]) + math.hypot(*stage.item(panel.things[thing]).size[:2])) + gap
+        goal = place + np.array([*toward * reach, 0.0])
+        start = goal - arranged.placing.center(arranged.kept[world], stage.bodies().index(item.name))
+        if stage.fits(arranged, world, item.name, start):
+            used.add(world)
+            rows.append(row)
+            names.append(item.name)
+            starts.append(start)
+    return np.array(rows, dtype=np.int64).reshape(-1, 3), names, np.array(starts).reshape(-1, 3)
 
 
 def _sideways(arranged: Arrangements, row: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -50,10 +50,10 @@ class Placing:
         worlds = len(self.valid)
         chosen = self._numbers.below(len(places), worlds) if wished is None else wished.copy()
         for _ in range(_TRIES):
-            bad = np.flatnonzero(self._overlaps(places[chosen], radius, height))
-            if not len(bad):
+            again = np.flatnonzero(self._overlaps(places[chosen], radius, height))
+            if not len(again):
                 break
-            chosen[bad] = self._numbers.below(len(places), len(bad))
+            chosen[again] = self._numbers.below(len(places), len(again))
         centers, bad = places[chosen], self._overlaps(places[chosen], radius, height)
         if optional:
             centers[bad], chosen[bad] = ABSENT, -1

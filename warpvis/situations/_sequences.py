@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Situations over time: a person turns, or an object is moved while nobody, or somebody, sees it."""
+"""Situations over time: a person turns, or an object is moved while a person sees it, or does not."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ from warpvis.situations._stage_items import (
     ROBOT_HEIGHT,
     ROBOT_RADIUS,
     SHIRTS,
+    TALL,
     TALL_BLOCKERS,
     TARGETS,
     StageOptions,
@@ -54,6 +55,8 @@ _SEAT_HEIGHTS = (0.38, 0.52)
 _MAX_TURN = math.radians(50)
 _CAMERAS = 5
 _TRIED_PLACES = 24
+_MAX_OVERHANG = 0.2
+"""Maximum part of its size by which an object projects over its support."""
 # Where a person looks who turns: a point this far ahead, at this height [m].
 _AHEAD, _AHEAD_HEIGHT = 2.0, 0.9
 
@@ -79,10 +82,12 @@ class Stage:
         """Choose the objects and the people, and build the scene."""
         self.room, self.options, self._numbers = room, options, numbers
         self.scene = room.build(device, movable=False)
+        # Sharp shadows: soft ones take 25 times as long.
+        self.scene.lights = [replace(light, radius=0.0) for light in self.scene.lights]
         taken = Counter(item.category for item in room.items)
         self.things = choose_items(TARGETS, taken, numbers, "thing", (2, 2, 1, 1, 1))
-        self.blockers = choose_items(BLOCKERS, taken, numbers, "blocker", (1, 1, 1))
-        self.blockers += choose_items(TALL_BLOCKERS, taken, numbers, "tall", (2,))
+        self.blockers = choose_items(BLOCKERS, taken, numbers, "blocker", (1, 1, 1, 1))
+        self.blockers += choose_items(TALL_BLOCKERS, taken, numbers, TALL, (2,))
         self._places, self._supports = self._find_places()
         self.things, self.blockers = (
             [item for item in items if len(self._places[item.name]) >= _MIN_PLACES]
@@ -122,7 +127,7 @@ class Stage:
     def bodies(self) -> list[str]:
         """Return the names of everything that is placed, in the order of `Arrangements.placing`."""
         things, blockers = ([item.name for item in items] for items in (self.things, self.blockers))
-        return [*things, *self.people, *blockers, *([ROBOT] if self.options.robot else [])]
+        return [*things, *self.people, *([ROBOT] if self.options.robot else []), *blockers]
 
     def move(self, poses: NDArray[np.float32], name: str, offset: NDArray[np.float64]) -> None:
         """Move an object of interest or a blocker by offsets ``(W, 3)`` [m] in poses ``(W, M, 7)``."""
@@ -151,7 +156,8 @@ class Stage:
             return False
         corners = [corner for box in boxes if box.low < z + 1e-3 for corner in box.corners]
         supports = [box for box in fixed if abs(box.high - z) < 1e-3]
-        if z > 1e-3 and not any(all(plan_distance(*corner, box) == 0 for corner in corners) for box in supports):
+        overhang = _MAX_OVERHANG * min(item.size[:2])
+        if z > 1e-3 and not any(all(plan_distance(*corner, box) <= overhang for corner in corners) for box in supports):
             return False
         number = self.bodies().index(name)
         center = arranged.placing.center(arranged.kept[world], number) + offset
@@ -168,7 +174,7 @@ class Stage:
         places, supports = {"": standing_rows}, dict[str, list[str]]()
         for item in (*self.things, *self.blockers):
             low, high = item.shape.bounds
-            if CATEGORIES[item.category].mount == "floor" and item.name.startswith("tall"):
+            if CATEGORIES[item.category].mount == "floor" and item.name.startswith(TALL):
                 radius = max(0.05, 0.5 * math.hypot(item.size[0], item.size[1]))
                 rows = self.room.standing_places(rng, _PLACES, radius).reshape(-1, 3)
                 yaw = rng.uniform(0, 2 * math.pi, len(rows))
@@ -200,10 +206,10 @@ class Stage:
             place, seat = stood[name]
             sits[:, number] = seat >= 0
             eyes[name] = self._pose_person(name, person, place, seat, centers, poses)
-        for item in self.blockers:
-            self._put(item, placing, poses, between=(list(eyes.values()), list(centers.values())))
         if self.options.robot:
             eyes[ROBOT] = self._pose_robot(placing, standing_rows, centers, poses)
+        for item in self.blockers:
+            self._put(item, placing, poses, between=(list(eyes.values()), list(centers.values())))
         kept = np.flatnonzero(placing.valid)
         viewers = [self._viewer(name, eyes[name][kept]) for name in self.participants]
         panel = self._watch_from_best_camera(viewers, poses[kept])
@@ -269,7 +275,7 @@ class Stage:
         away = place + np.column_stack(
             [np.cos(angle) * reach, np.sin(angle) * reach, numbers.uniform(0.4, 1.6, worlds)]
         )
-        near = np.hypot(*(point - place)[:, :2].T) < 0.4  # nobody looks straight down
+        near = np.hypot(*(point - place)[:, :2].T) < 0.4  # people do not look straight down
         near |= point[:, 2] < 0  # it is absent
         elsewhere = near | (numbers.unit(worlds) < _AWAY)
         point[elsewhere] = away[elsewhere]

@@ -28,7 +28,9 @@ TARGETS = (
     "mug", "bottle", "bowl", "vase", "book", "can", "teapot", "ball", "teddy bear", "toy car", "cushion", "flask",
 )  # fmt: skip
 TALL_BLOCKERS = ("screen",)
-BLOCKERS = ("box", "monitor", "television", "printer", "microwave", "speaker", "suitcase", "crate", "toolbox")
+BLOCKERS = ("box", "speaker", "toolbox", "books", "pot", "kettle", "monitor", "printer", "toaster", "basket")
+TALL = "tall"
+"""Prefix of the names of blockers that stand on the floor."""
 ROBOT = "robot"
 """Name of the robot."""
 ROBOT_RADIUS, ROBOT_HEIGHT, ROBOT_EYES = 0.22, 1.3, 1.2

@@ -128,7 +128,7 @@ def _composition(found: Composition) -> str:
         rows.append((f"`{kind}`", f"{sum(counts.values()):,}", listed + more))
     parts.append(_table(("Questions", "Number", "Answers"), rows))
     parts.append(_table(("Room", "Number"), [(kind, f"{len(items):,}") for kind, items in sorted(found.rooms.items())]))
-    for title, counts in (("Participant", found.participants), ("What is seen of an object", found.states)):
+    for title, counts in (("Participant", found.participants), ("State of an object", found.states)):
         parts.append(_table((title, "Number"), [(name, f"{count:,}") for name, count in sorted(counts.items())]))
     parts.append(
         f"{pluralize(found.pairs, 'situation')} of matched pairs: `twin` is the other one, in which only one object is "

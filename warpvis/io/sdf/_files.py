@@ -81,7 +81,7 @@ class Finder:
         folder = node.path.absolute().parent
         if kind in ("", "file"):
             yield folder / rest
-            yield folder.parent / rest  # of a model whose SDF file is in a folder of its own
+            yield folder.parent / rest  # of a model whose SDF file is in a separate folder
         rest = rest.lstrip("/")
         name, _, tail = rest.partition("/")
         for root in self.folders:

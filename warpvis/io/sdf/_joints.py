@@ -23,7 +23,7 @@ WORLD = "world"
 """Name of the link that does not move."""
 
 _UNLIMITED = 1e9
-"""Limits of this size [rad, m] are none: the default is 1e16."""
+"""Limits from this size on [rad, m] are no limits: the default is 1e16."""
 _KINDS: dict[str, Any] = {
     "revolute": "revolute",
     "continuous": "continuous",

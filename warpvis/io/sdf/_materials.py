@@ -29,7 +29,7 @@ Color = tuple[float, ...]
 # Diffuse colors of the materials of Gazebo Classic (media/materials/scripts/gazebo.material), by name after "Gazebo/";
 # emitted ones follow. SkyBlue has its ambient color: its diffuse color is that of Blue.
 _GAZEBO: dict[str, tuple[Color, Color]] = {
-    "Grey": ((0.7, 0.7, 0.7), ()),
+    "Grey": ((0.7, 0.7, 0.7), ()),  # codespell:ignore
     "Gray": ((0.7, 0.7, 0.7), ()),
     "DarkGrey": ((0.175, 0.175, 0.175), ()),
     "DarkGray": ((0.175, 0.175, 0.175), ()),

@@ -333,7 +333,7 @@ def _checked(pose: Matrix, node: Node) -> Matrix:
 
 
 def _with_rows(parts: Sequence[Part]) -> list[Part]:
-    """Return the parts with rows of 7 numbers in place of matrices, which one call converts."""
+    """Return the parts with rows of 7 numbers instead of matrices, converted in one call."""
     if not parts:
         return []
     rows = poses_to_opencv(np.stack([part.pose for part in parts if part.pose is not None]))

@@ -46,7 +46,7 @@ class Visual(NamedTuple):
     shape: str
     """``"box"``, ``"sphere"``, ``"cylinder"``, ``"capsule"`` or ``"mesh"``."""
     sizes: tuple[float, ...]
-    """Of a box, along its axes; of a round shape, radius and length [m]; of a mesh, the factors along its axes."""
+    """Sizes of a box along its axes [m], radius and length of a round shape [m], or scale factors of a mesh."""
     url: str
     """File of a mesh, as written."""
     material: UrdfMaterial | None

@@ -78,7 +78,7 @@ class MaterialSource:
     name: str
     inputs: dict[str, Value] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    """What is not read, as parts of a sentence."""
+    """Properties that are not read, as parts of a sentence."""
 
     @property
     def content(self) -> tuple[tuple[str, Value], ...]:

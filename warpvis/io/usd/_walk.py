@@ -91,7 +91,7 @@ class StageWalk:
         self.skipped: Counter[str] = Counter()
         """Kinds of prims that have no triangles, such as "curves"."""
         self.invalid: list[str] = []
-        """What is wrong with prims that are left out, one clause each."""
+        """Reasons why prims are left out, one clause each."""
         self._time, self._open_instancers = time, set[str]()
         self._count = 0
         self.meters = stage_meters(stage)

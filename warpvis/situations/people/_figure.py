@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures: people of one's own, as a mesh with a skeleton, such as those of glTF files and of SMPL's shape."""
+"""Figures: custom people, as a mesh with a skeleton, such as those of glTF files and of SMPL's shape."""
 
 from __future__ import annotations
 

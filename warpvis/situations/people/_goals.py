@@ -36,8 +36,8 @@ _GAZE_STEPS = 40
 def reach(state: State, target: NDArray[np.float64], hand: str, subject: str, *, lean: bool = False) -> None:
     """Set the angles of an arm so that the center of its grip is at a point of the body's frame [m], ``(W, 3)``.
 
-    Inverse kinematics of two links with the wrist straight. Of all swivel angles of the elbow within the limits of the
-    joints, the first by preference is chosen whose arm does not cross the trunk.
+    Inverse kinematics of two links with the wrist straight. The preferred swivel angle of the elbow
+    is chosen from those within the limits of the joints with which the arm does not cross the trunk.
     """
     for side in ("left", "right"):
         rows = _rows_of(state, target, hand, side)

@@ -248,9 +248,9 @@ class Person:
     def agent(self, name: str, *, body: Geometry = "solids", **options: Any) -> Agent:
         """Return the person as an agent: at the eyes, looking along the gaze, with the field of view of both eyes.
 
-        The field is that of `Agent.human`: 200 degrees wide, 60 up and 75 down, about the gaze. Of a body of solids,
-        only head and neck are invisible to the agent; it sees its own arms and legs, which may hide things from it. A
-        mesh is invisible to it as a whole.
+        The field is that of `Agent.human`: 200 degrees wide, 60 up and 75 down, about the gaze. With a body of
+        solids, only head and neck are invisible to the agent; it sees its own arms and legs, which may hide things from
+        it. A mesh is invisible to it as a whole.
 
         Args:
             name: Name of the person, as for `add_to`.

@@ -128,7 +128,7 @@ def walking(phase: ArrayLike = 0.0) -> Posture:
 
 
 def posed(angles: Mapping[str, ArrayLike], base: Posture | None = None) -> Posture:
-    """Return a posture with some joint angles of one's own.
+    """Return a posture with given joint angles.
 
     Args:
         angles: Angles by name [rad], such as ``{"elbow_flexion_left": 1.2}``, each one or one for each world;

@@ -90,7 +90,7 @@ def desk(b: ShapeBuilder, width: float = 1.4, depth: float = 0.8, drawers: bool 
 
 @category("workbench", {"width": 1.5}, {"width": 1.8}, {"width": 2.0}, colors=("brown", "beige", "gray"), access=0.6)
 def workbench(b: ShapeBuilder, width: float = 1.8) -> None:
-    """Build a workbench with a shelf, a tool board behind it and a vise."""
+    """Build a workbench with a shelf, a tool board behind it and a clamp."""
     depth, height = 0.7, 0.9
     legs(b, (depth - 0.06, width - 0.06), height - 0.07, 0.09, "pine")
     b.box((depth - 0.1, width - 0.16, 0.03), (-0.02, 0, 0.22), "pine", "shelf")
@@ -102,9 +102,9 @@ def workbench(b: ShapeBuilder, width: float = 1.8) -> None:
         b.box(
             (0.03, 0.035, 0.12), (0.045 - depth / 2, y, height + 0.45), ("red", "blue", "yellow")[number % 3], "tools"
         )
-    b.box((0.14, 0.16, 0.12), (depth / 2 - 0.08, width / 2 - 0.14, height), "blue", "vise")
-    b.box((0.04, 0.16, 0.13), (depth / 2 + 0.04, width / 2 - 0.14, height - 0.01), "dark metal", "vise")
-    b.cylinder(0.015, 0.2, (depth / 2 - 0.03, width / 2 - 0.14, height + 0.05), "metal", "vise", axis="x", sides=6)
+    b.box((0.14, 0.16, 0.12), (depth / 2 - 0.08, width / 2 - 0.14, height), "blue", "clamp")
+    b.box((0.04, 0.16, 0.13), (depth / 2 + 0.04, width / 2 - 0.14, height - 0.01), "dark metal", "clamp")
+    b.cylinder(0.015, 0.2, (depth / 2 - 0.03, width / 2 - 0.14, height + 0.05), "metal", "clamp", axis="x", sides=6)
     b.support((0.05, -0.14), (depth - 0.16, width - 0.34), height)
     b.support((-0.02, 0), (depth - 0.14, width - 0.3), 0.25, 0.5, "shelf")
 
