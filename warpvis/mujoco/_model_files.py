@@ -61,8 +61,15 @@ def read_model(
     if strict and message:
         raise FileFormatError(message)
     lights, background, sentences = model_lights(model), model_background(model), (message,) if message else ()
-    options = {"warnings": sentences, "lights": lights, "background": background}
-    return FileParts(path, _parts(model), up="z", defines_frame=True, **options)
+    return FileParts(
+        path,
+        _parts(model),
+        up="z",
+        defines_frame=True,
+        warnings=sentences,
+        lights=lights,
+        background=background,
+    )
 
 
 def _parts(model: mujoco.MjModel) -> list[Part]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, check_choice, check_whole
+from warpvis.core.outputs import Output
 from warpvis.core.types import DeviceLike, Json
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer
@@ -57,7 +58,7 @@ class SituationOptions:
     """Number of situations per shard."""
     questions: tuple[str, ...] = QUESTION_KINDS
     """Kinds of questions."""
-    outputs: tuple[str, ...] = ("color",)
+    outputs: tuple[Output, ...] = ("color",)
     """Images of each view: ``"color"``, ``"depth"``, ``"segmentation"``."""
     views: str = "camera"
     """``"camera"`` for the camera of the pictures only, ``"all"`` for the participants' views, too."""

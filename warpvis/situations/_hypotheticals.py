@@ -87,7 +87,7 @@ def without(panel: Panel, random: Numbers) -> Pool:
     removed[np.arange(len(blocker)), blocker] = True
     for viewer in panel.participants:  # a body is taken away as a whole
         body = [panel.scene.index(name) for name in viewer.body]
-        removed[np.ix_(np.isin(blocker, body), body)] = True
+        removed[np.flatnonzero(np.isin(blocker, body))[:, None], body] = True
         blocker = np.where(np.isin(blocker, body), body[0] if body else -1, blocker)
     own = np.array(
         [panel.scene.objects[b].name in panel.participants[a].body for a, b in zip(rows[1], blocker, strict=True)]

@@ -89,7 +89,8 @@ def make_pool(
     distance = panel.found.distance[world, agent, thing][:, None]
     features = np.concatenate([panel.picture_features(world, thing), distance], axis=1)
     levels = np.zeros(len(world), dtype=np.int64) if stratum is None else stratum
-    return Pool(kind, world, words.reshape(-1), answer, levels, features, write)
+    world, words, answer, levels = (one.astype(np.int64) for one in (world, words.reshape(-1), answer, levels))
+    return Pool(kind, world, words, answer, levels, features, write)
 
 
 def about_pairs(panel: Panel) -> NDArray[np.bool_]:

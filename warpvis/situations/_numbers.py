@@ -24,11 +24,11 @@ class Numbers:
     def unit(self, *shape: int) -> NDArray[np.float64]:
         """Return numbers from 0 (inclusive) to 1 (exclusive)."""
         raw = np.asarray(self._bits.random_raw(int(np.prod(shape, dtype=np.int64))), dtype=np.uint64)
-        return ((raw >> np.uint64(11)) * 2.0**-53).reshape(shape)
+        return ((raw >> np.uint64(11)).astype(np.float64) * 2.0**-53).reshape(shape)
 
     def uniform(self, low: float, high: float, *shape: int) -> NDArray[np.float64]:
         """Return numbers from `low` to `high`."""
-        return np.asarray(low + (high - low) * self.unit(*shape), dtype=np.float64)
+        return low + (high - low) * self.unit(*shape)
 
     def below(self, count: int, *shape: int) -> NDArray[np.int64]:
         """Return whole numbers from 0 to `count` - 1."""

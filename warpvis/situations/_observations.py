@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +90,7 @@ class Watch:
         first = [scene[names[0]] for names in targets.values()]
         columns = {index: column for column, index in enumerate(scene.movable)}
         self._columns = [columns.get(scene.index(item.name), -1) for item in first]
-        boxes = [item.mesh_vertices if item.pose is not None else item.vertices for item in first]
+        boxes = [item.mesh.rounded if item.pose is not None else item.vertices for item in first]
         self._local = np.array([(box.min(axis=0) + box.max(axis=0)) / 2 for box in boxes], dtype=np.float64)
 
     def observe(
@@ -107,7 +108,7 @@ class Watch:
         """
         worlds, count = len(object_poses), len(self.targets)
         shape = (worlds, len(viewers), count)
-        found = {
+        found: dict[str, NDArray[Any]] = {
             "fraction": np.zeros(shape),
             "error": np.zeros(shape),
             "status": np.zeros(shape, dtype=np.uint8),

@@ -90,7 +90,8 @@ def _rotate(
     worlds = np.repeat([world for world, _ in rows], _DIRECTIONS)
     headings = numbers.uniform(0, 2 * math.pi, count)[:, None] + _TURN * np.arange(_DIRECTIONS)
     eyes, poses = stage.turn_person(arranged, worlds, viewer.name, headings.reshape(-1))
-    eyes, poses = (array.reshape(count, _DIRECTIONS, *array.shape[1:]) for array in (eyes, poses))
+    eyes = eyes.reshape(count, _DIRECTIONS, 7)
+    poses = poses.reshape(count, _DIRECTIONS, *poses.shape[1:])
     others = [stage.other_places(arranged, world, panel.things[thing], numbers) for world, thing in rows]
     elsewhere = poses.copy()
     for index, ((_, thing), other) in enumerate(zip(rows, others, strict=True)):

@@ -96,8 +96,15 @@ class Stage:
         self.words = {item.name: f"the {item.words}" for item in (*self.things, *self.blockers)}
         self.words |= words_of(room)
         for item in (*self.things, *self.blockers):
-            shown = {"category": item.category, "appearance": item.appearance}
-            self.scene.add(item.mesh, name=item.name, label=Label.OBJECT, pose=item.pose, movable=True, **shown)
+            self.scene.add(
+                item.mesh,
+                name=item.name,
+                label=Label.OBJECT,
+                pose=item.pose,
+                movable=True,
+                category=item.category,
+                appearance=item.appearance,
+            )
         self.people = make_people(options.people, numbers)
         self.agents = {name: person.add_to(self.scene, name) for name, person in self.people.items()}
         shirts = dict(zip(self.people, SHIRTS, strict=False))
@@ -312,7 +319,7 @@ class Stage:
                 point[rows, :2] = place[rows, :2] + np.column_stack([np.cos(angle), np.sin(angle)]) * reach[:, None]
             where = np.column_stack([place[rows, :2], heading[rows]])
             posed = replace(person, pose=where, posture=looking_at(point[rows], base))
-            poses[np.ix_(rows, columns)] = posed.object_poses()
+            poses[rows[:, None], columns] = posed.object_poses()
             eyes[rows] = posed.eye_poses
         return eyes
 

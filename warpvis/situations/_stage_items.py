@@ -114,5 +114,12 @@ def add_robot(scene: Scene) -> None:
         trimesh.creation.box((0.12, 0.3, 0.16)).apply_translation((0, 0, ROBOT_EYES)),
     ]
     mesh = trimesh.util.concatenate(parts)
-    shown = {"category": ROBOT, "appearance": (0.92, 0.92, 0.94)}
-    scene.add(mesh, name=ROBOT, label=Label.ROBOT, pose=(0, 0, 0, 0, 0, 0, 1), movable=True, **shown)
+    scene.add(
+        mesh,
+        name=ROBOT,
+        label=Label.ROBOT,
+        pose=(0, 0, 0, 0, 0, 0, 1),
+        movable=True,
+        category=ROBOT,
+        appearance=(0.92, 0.92, 0.94),
+    )

@@ -166,7 +166,7 @@ def stand_in_sky(node: Node, background: Background, up: Literal["z", "y"]) -> t
     if has_sky and texture not in _ROOMS:
         gradient = _GRADIENTS.get(texture, _NOON_GRADIENT)
         background = replace(background, gradient=gradient, world_to_cube=_WORLD_TO_GRADIENT[up])
-    light = _IRRADIANCE.get(texture, ())
+    light: Irradiance = _IRRADIANCE.get(texture, ())
     if not (light or has_sky) and texture in _HDR_TEXTURES:
         light = linear_color(_SKY_OF_TEXTURE.get(texture, _NOON))
     return background, light if reflects else ()

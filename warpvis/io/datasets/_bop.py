@@ -129,7 +129,7 @@ def _camera_to_world(cameras: Path, image: int) -> NDArray[np.float64]:
     key = next((key for key in fields.values if key.isascii() and key.isdigit() and int(key) == image), None)
     if key is None or "cam_R_w2c" not in fields.child(key).values:
         raise FileFormatError(f"{cameras}: image {image} has no cam_R_w2c, which the frame 'world' needs; use 'camera'")
-    return np.linalg.inv(_matrix(fields.child(key), "cam_R_w2c", "cam_t_w2c"))
+    return np.linalg.inv(_matrix(fields.child(key), "cam_R_w2c", "cam_t_w2c")).astype(np.float64)
 
 
 def _matrix(item: Fields, rotation: str, translation: str) -> NDArray[np.float64]:

@@ -174,7 +174,11 @@ class _Scene:
         else:
             parts = [replace(part, movable=False, attach_to=None, link=None) for part in parts]
         category = self._category(name, template)
-        shared = {"label": label_of_category(category), "category": category, "extras": _extras(template, item)}
+        shared: dict[str, Any] = {
+            "label": label_of_category(category),
+            "category": category,
+            "extras": _extras(template, item),
+        }
         self.parts += [replace(part, aliases=(*part.aliases, name), **shared) for part in parts]
 
     def left_out(self) -> list[str]:

@@ -163,7 +163,7 @@ def _color_places(shape: Shape, places: dict[int, int]) -> NDArray[np.int64]:
         return best
     if found.vertex_colors is not None:
         rgb = found.vertex_colors[shape.faces[:, 0], :3]
-        stored = rgb / 255.0 if rgb.dtype == np.uint8 else rgb.astype(np.float64)
+        stored = rgb.astype(np.float64) / (255.0 if rgb.dtype == np.uint8 else 1.0)
         linear = np.stack([np.asarray(screen_color(stored[:, axis])) for axis in range(3)], axis=1)
         candidates = [_codes(stored), _codes(linear)]  # files with sRGB colors, and with linear ones as in glTF
     else:

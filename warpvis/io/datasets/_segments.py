@@ -120,14 +120,14 @@ def read_segmented(path: Path, segments: Path, groups: Path, *, per_face: bool, 
     for number, group in enumerate(found.children("segGroups", required=True)):
         label = group.text("label", "")
         row = table.get(label, {})
-        numbers = {key: group.values[key] for key in ("objectId", "id") if key in group.values}
+        numbers: dict[str, Any] = {key: group.values[key] for key in ("objectId", "id") if key in group.values}
         known = next((value for value in numbers.values() if type(value) is int), number)
         instances.append(Instance(known, label, row.get("nyu40class", ""), {**numbers, **row}))
         owners.update(dict.fromkeys(group.numbers("segments").tolist(), number))
     segment, place = np.unique(indices, return_inverse=True)
     owner = np.array([owners.get(number, UNLABELED) for number in segment.tolist()], dtype=np.int64)[place.reshape(-1)]
-    owner = owner[mesh.polygons] if per_face else of_corners(owner, mesh.shape.faces)
-    return scan_parts(path, mesh.shape, owner, instances, "z", ())
+    by_face = owner[mesh.polygons] if per_face else of_corners(owner, mesh.shape.faces)
+    return scan_parts(path, mesh.shape, by_face, instances, "z", ())
 
 
 def read_labeled_vertices(path: Path, folders: Sequence[Path]) -> FileParts:

@@ -141,7 +141,7 @@ def _simple_shape(kind: str, lengths: tuple[float, ...], axis: str) -> Geometry:
     if kind == "Cube":
         return _simple(round_shapes.box(lengths[0] / 2))
     if kind == "Plane":
-        return _simple(_plane(*lengths, axis))
+        return _simple(_plane(lengths[0], lengths[1], axis))
     if kind == "Sphere":
         return _simple(round_shapes.capsule(lengths[0], lengths[0], 0.0))
     height, bottom = lengths[:2]

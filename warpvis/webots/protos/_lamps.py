@@ -92,7 +92,10 @@ def _shapes(node: Node, lamp: _Lamp, light: dict[str, Value]) -> list[Node]:
     """Build support and bulb."""
     gray = plain_appearance(node, tuple((0.5 * node.vector("supportColor", (1.0, 1.0, 1.0))).tolist()))
     support = field_appearance(node, "supportAppearance") or gray
-    shapes = [] if lamp.box is None else [box_at(node, *(in_axes(node, row, "z") for row in lamp.box), support)]
+    shapes = []
+    if lamp.box is not None:
+        size, place = (in_axes(node, row, "z") for row in lamp.box)
+        shapes.append(box_at(node, size, place, support))
     for low, high, radius in lamp.rods:
         rod = new_node(node, "Cylinder", {"radius": [radius], "height": [high - low]})
         shapes.append(shape_at(node, rod, in_axes(node, (0.0, 0.0, (low + high) / 2), "z"), support))
