@@ -47,7 +47,7 @@ def test_generate(tmp_path):
 
 WRONG = {
     "format": (("--format", "csv"), "format must be one of webdataset, parquet, jsonl, lerobot, got 'csv'"),
-    "scenes": (("--scenes", "house.glb"), "--scenes must be procedural, got house.glb"),
+    "scenes": (("--scenes", "house.glb"), "--scenes must be procedural or files of scenes, and house.glb is no file"),
     "count": (("--count", "0"), "--count must be a whole number from 1 up, got 0"),
     "repair": (("--repair",), "--repair requires --resume"),
     "workers": (("--workers", "0"), "--workers must be a whole number from 1 up, got 0"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
@@ -37,8 +38,8 @@ class Generate:
     """Output folder, new or empty, or an fsspec URL."""
     count: int
     """Number of situations."""
-    scenes: Names = (_PROCEDURAL,)
-    """procedural for furnished rooms."""
+    scenes: Annotated[tuple[str, ...], tyro.conf.arg(metavar="procedural|FILE,...")] = (_PROCEDURAL,)
+    """procedural for furnished rooms, or scene files, which the shards use in turns."""
     seed: int = 0
     """Seed of the rooms and of everything in them."""
     format: str = "webdataset"
@@ -95,8 +96,6 @@ class Generate:
         from warpvis.batch.situations import generate_situations
         from warpvis.situations import SituationGenerator
 
-        if split_names(self.scenes) != [_PROCEDURAL]:
-            raise FileFormatError(f"--scenes must be {_PROCEDURAL}, got {' '.join(self.scenes)}")
         try:
             summary = generate_situations(
                 self.out,
@@ -129,7 +128,13 @@ class Generate:
 
         given = {name: tuple(split_names(getattr(self, name))) for name in ("rooms", "questions", "outputs")}
         chosen: dict[str, Any] = {name: names for name, names in given.items() if names}
-        return SituationOptions(seed=self.seed, per_shard=self.per_shard, views=self.views, **chosen)
+        words = [[word] if Path(word).exists() else split_names([word]) for word in self.scenes]
+        scenes = tuple(name for names in words for name in names)
+        for name in scenes:
+            if name != _PROCEDURAL and not Path(name).exists():
+                raise FileFormatError(f"--scenes must be {_PROCEDURAL} or files of scenes, and {name} is no file")
+        chosen |= {"seed": self.seed, "per_shard": self.per_shard, "views": self.views}
+        return SituationOptions(scenes=scenes, **chosen)
 
     def command(self) -> str:
         """Return the command that generates the same files, for the datasheet."""

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from warpvis.situations._generator import QUESTION_KINDS, SituationGenerator, SituationOptions
+from warpvis.situations._generator import SituationGenerator
+from warpvis.situations._options import QUESTION_KINDS, SituationOptions
 from warpvis.situations._shortcuts import Shortcut, ShortcutReport, find_shortcuts
 from warpvis.situations._situation import Moment, Participant, Question, Sight, Situation, Thing
 from warpvis.situations._stage_items import StageOptions

@@ -7,33 +7,32 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.checks import as_items, check_choice, check_whole
-from warpvis.core.outputs import Output
+from warpvis.core.checks import check_whole
 from warpvis.core.types import DeviceLike, Json
 from warpvis.errors import SceneError
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 from warpvis.situations._balance import Pool
+from warpvis.situations._file_rooms import FileRoom
+from warpvis.situations._file_scenes import FileScene
 from warpvis.situations._hypotheticals import HYPOTHETICALS, Place, stand
 from warpvis.situations._kinds import KINDS, sees
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._observations import Viewer, sights_of
+from warpvis.situations._options import PROCEDURAL, SituationOptions
 from warpvis.situations._pairs import find_pairs
 from warpvis.situations._placing import ABSENT
 from warpvis.situations._sequences import Sequence, find_sequences
 from warpvis.situations._situation import Moment, Participant, Question, Situation, Thing
 from warpvis.situations._stage import Arrangements, Stage
-from warpvis.situations._stage_items import StageOptions
-from warpvis.situations._wording import WORDINGS
-from warpvis.situations.rooms import ROOM_KINDS, generate_room
+from warpvis.situations.rooms import generate_room
 
-QUESTION_KINDS = tuple(WORDINGS)
-"""The kinds of questions."""
 _WORLDS = 400
 """Arrangements of a room that are tried."""
 _MAX_ROOMS = 8
@@ -43,41 +42,6 @@ _PAIR_SHARE, _SEQUENCE_SHARE = 0.2, 0.1
 _MAX_PLACES = 6
 _EYE_HEIGHT = 1.6
 """Height of eyes at places where a person could stand [m]."""
-_OUTPUTS = ("color", "depth", "segmentation")
-
-
-@dataclass(frozen=True)
-class SituationOptions:
-    """What to generate; it can be pickled."""
-
-    seed: int = 0
-    """Seed of everything."""
-    rooms: tuple[str, ...] = ROOM_KINDS
-    """Kinds of rooms, in turns."""
-    per_shard: int = 100
-    """Number of situations per shard."""
-    questions: tuple[str, ...] = QUESTION_KINDS
-    """Kinds of questions."""
-    outputs: tuple[Output, ...] = ("color",)
-    """Images of each view: ``"color"``, ``"depth"``, ``"segmentation"``."""
-    views: str = "camera"
-    """``"camera"`` for the camera of the pictures only, ``"all"`` for the participants' views, too."""
-    stage: StageOptions = field(default_factory=StageOptions)
-    """Who and what is in a room."""
-
-    def __post_init__(self) -> None:
-        check_whole(self.seed, "seed", minimum=0, error=SceneError)
-        check_whole(self.per_shard, "per_shard", error=SceneError)
-        check_choice(self.views, "views", ("camera", "all"), SceneError)
-        if not isinstance(self.stage, StageOptions):
-            raise SceneError(f"stage must be StageOptions, got {self.stage!r}")
-        for name, known in (("rooms", ROOM_KINDS), ("questions", QUESTION_KINDS), ("outputs", _OUTPUTS)):
-            items = as_items(getattr(self, name), name, SceneError)
-            for item in items:
-                check_choice(item, name, known, SceneError)
-            if not items and name != "outputs":
-                raise SceneError(f"{name} must be one or more of {', '.join(known)}, got none")
-            object.__setattr__(self, name, tuple(items))
 
 
 @dataclass(eq=False)
@@ -109,12 +73,15 @@ class SituationGenerator:
         if not isinstance(self.options, SituationOptions):
             raise SceneError(f"options must be SituationOptions, got {type(options).__name__}")
         self._device = device
+        self._files: dict[str, FileScene] = {}
 
     def shard(self, number: int) -> list[Situation]:
         """Generate the situations of a shard: `SituationOptions.per_shard`, or fewer if its rooms are too small.
 
         Raises:
-            SceneError: If none of the rooms has a situation with the kinds of questions.
+            FileFormatError: If the file of the scene is missing or cannot be read.
+            SceneError: If none of the rooms has a situation with the kinds of questions, or the scene has no floor or
+                too few supports.
         """
         number = check_whole(number, "number", minimum=0, error=SceneError)
         situations: list[Situation] = []
@@ -150,20 +117,28 @@ class SituationGenerator:
         return scene
 
     def _stage(self, number: int, attempt: int) -> tuple[Stage, Numbers, dict[str, Json]]:
-        """Furnish a room; return it, its random numbers, and its description."""
+        """Set up a room, or a part of a file's scene; return it, its random numbers, and its description."""
         options, numbers = self.options, Numbers(self.options.seed, number, attempt)
+        shard: dict[str, Json] = {"shard": number, "attempt": attempt}
+        path = options.scenes[number % len(options.scenes)]
+        if path != PROCEDURAL:
+            if path not in self._files:
+                self._files[path] = FileScene(path)
+            part = FileRoom(self._files[path], numbers)
+            stage = Stage(part, numbers, options.stage, self._device)
+            return stage, numbers, {"kind": Path(path).name, "origin": part.origin.tolist(), **shard}
         kind = options.rooms[(number + attempt) % len(options.rooms)]
         seed = int(numbers.below(1 << 31, 1)[0])
         clutter = round(float(numbers.uniform(0.2, 0.7, 1)[0]), 2)
         room = generate_room(seed, kind=kind, clutter=clutter)
         described: dict[str, Json] = {"seed": seed, "kind": kind, "clutter": clutter}
         stage = Stage(room, numbers, options.stage, self._device)
-        return stage, numbers, described | {"shard": number, "attempt": attempt}
+        return stage, numbers, described | shard
 
     def _of_room(self, number: int, attempt: int, count: int) -> list[Situation]:
         """Generate at most `count` situations in a room, named by their number in it."""
         stage, numbers, described = self._stage(number, attempt)
-        if not len(stage.standing_spots()):
+        if not len(stage.standing_spots()) or not stage.things:
             return []
         arranged = stage.arrange(_WORLDS)
         if not len(arranged.kept):

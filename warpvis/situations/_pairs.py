@@ -51,7 +51,7 @@ class Pair(NamedTuple):
 def find_pairs(stage: Stage, arranged: Arrangements, count: int, numbers: Numbers) -> list[Pair]:
     """Find at most `count` pairs, each in a different arrangement."""
     rows, blocked, starts = _candidates(stage, arranged, numbers)
-    if not len(rows):
+    if not len(rows) or not count:
         return []
     offsets = np.arange(-_REACH, _REACH + _STEP / 2, _STEP)
     sideways = np.array([_sideways(arranged, row) for row in rows])

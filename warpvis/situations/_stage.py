@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""A room with people, a robot and objects of interest, and random arrangements of them."""
+"""A furnished place with people, a robot and objects of interest, and random arrangements of them."""
 
 from __future__ import annotations
 
@@ -36,9 +36,10 @@ from warpvis.situations._stage_items import (
     make_people,
     words_of,
 )
+from warpvis.situations._surroundings import Surroundings
 from warpvis.situations.people import Person, looking_at, sitting, standing
-from warpvis.situations.rooms import Room, RoomItem
-from warpvis.situations.rooms._boxes import boxes_of, boxes_overlap, plan_distance
+from warpvis.situations.rooms import RoomItem
+from warpvis.situations.rooms._boxes import boxes_of
 from warpvis.situations.rooms.shapes import CATEGORIES
 
 _MIN_PLACES = 4
@@ -76,9 +77,9 @@ class Arrangements:
 
 
 class Stage:
-    """A furnished room with movable people, a robot, objects of interest, and things that hide them."""
+    """A furnished place with movable people, a robot, objects of interest, and things that hide them."""
 
-    def __init__(self, room: Room, numbers: Numbers, options: StageOptions, device: DeviceLike = "cpu") -> None:
+    def __init__(self, room: Surroundings, numbers: Numbers, options: StageOptions, device: DeviceLike = "cpu") -> None:
         """Choose the objects and the people, and build the scene."""
         self.room, self.options, self._numbers = room, options, numbers
         self.scene = room.build(device, movable=False)
@@ -155,16 +156,7 @@ class Stage:
         x, y, z = pose[:3] + offset
         yaw = math.degrees(2 * math.atan2(pose[5], pose[6]))
         boxes = boxes_of(item.shape, x, y, z, yaw)
-        if not all(self.room.outline.contains_box(box) for box in boxes):
-            return False
-        lifted = [box._replace(low=box.low + 1e-4) for box in boxes]
-        fixed = [box for other in self.room.items for box in other.boxes]
-        if any(boxes_overlap(a, b) for a in lifted for b in fixed):
-            return False
-        corners = [corner for box in boxes if box.low < z + 1e-3 for corner in box.corners]
-        supports = [box for box in fixed if abs(box.high - z) < 1e-3]
-        overhang = _MAX_OVERHANG * min(item.size[:2])
-        if z > 1e-3 and not any(all(plan_distance(*corner, box) <= overhang for corner in corners) for box in supports):
+        if not self.room.free_space.holds(boxes, _MAX_OVERHANG * min(item.size[:2])):
             return False
         number = self.bodies().index(name)
         center = arranged.placing.center(arranged.kept[world], number) + offset

@@ -17,8 +17,9 @@ from warpvis.core.labels import Label
 from warpvis.errors import SceneError
 from warpvis.scene import Scene
 from warpvis.situations._numbers import Numbers
+from warpvis.situations._surroundings import Surroundings
 from warpvis.situations.people import Colors, Person
-from warpvis.situations.rooms import Room, RoomItem
+from warpvis.situations.rooms import RoomItem
 from warpvis.situations.rooms.shapes import CATEGORIES
 
 NAMES = ("Anna", "Ben", "Carla", "David")
@@ -83,12 +84,13 @@ def choose_items(
     return items
 
 
-def words_of(room: Room) -> dict[str, str]:
+def words_of(room: Surroundings) -> dict[str, str]:
     """Return words for the room's items that are unique in it: ``"the sofa"``, or ``"the red chair"``."""
-    by_category = Counter(item.category for item in room.items)
-    by_words = Counter(item.words for item in room.items)
+    named = [item for item in room.items if item.category]
+    by_category = Counter(item.category for item in named)
+    by_words = Counter(item.words for item in named)
     words = {}
-    for item in room.items:
+    for item in named:
         if by_category[item.category] == 1:
             words[item.name] = f"the {item.category}"
         elif by_words[item.words] == 1:

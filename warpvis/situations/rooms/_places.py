@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.checks import as_items, check_number, check_whole
 from warpvis.errors import SceneError
-from warpvis.situations.rooms._boxes import Box, boxes_overlap, direction, extent_of, extents_meet
+from warpvis.situations.rooms._boxes import Box, boxes_overlap, direction, extent_of, extents_meet, plan_distance
 from warpvis.situations.rooms._items import RoomItem, Seat, SupportPlace
 from warpvis.situations.rooms._outline import Outline
 from warpvis.situations.rooms._walkable import BODY_HEIGHT, CELL, STEP_HEIGHT, WalkGrid, reached_area
@@ -83,6 +83,32 @@ class FreeFloor:
         near = _gaps(found, self._rugs) < self.radius
         heights = np.where(near, self._rug_heights, 0.0).max(axis=1, initial=0.0)
         return np.column_stack([found, heights])
+
+
+class FreeSpace:
+    """The space for further objects."""
+
+    def __init__(self, outline: Outline, items: Sequence[RoomItem]) -> None:
+        """Collect the boxes of the items."""
+        self._outline = outline
+        self._boxes = [box for item in items for box in item.boxes]
+
+    def holds(self, boxes: Sequence[Box], overhang: float) -> bool:
+        """Return whether the boxes of an object overlap nothing, and its lowest ones stand on the floor or an item.
+
+        Args:
+            boxes: The boxes.
+            overhang: Length by which they may project over the item [m].
+        """
+        if not all(self._outline.contains_box(box) for box in boxes):
+            return False
+        lifted = [box._replace(low=box.low + 1e-4) for box in boxes]
+        if any(boxes_overlap(a, b) for a in lifted for b in self._boxes):
+            return False
+        z = min(box.low for box in boxes)
+        corners = [corner for box in boxes if box.low < z + 1e-3 for corner in box.corners]
+        supports = [box for box in self._boxes if abs(box.high - z) < 1e-3]
+        return z <= 1e-3 or any(all(plan_distance(*corner, box) <= overhang for corner in corners) for box in supports)
 
 
 def _gaps(points: NDArray[np.float64], boxes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -76,6 +76,11 @@ class Room:
         """The floor that a person of a radius of 0.3 m can reach from the doors."""
         return _places.FreeFloor(self.outline, self.items)
 
+    @cached_property
+    def free_space(self) -> _places.FreeSpace:
+        """The space for further objects."""
+        return _places.FreeSpace(self.outline, self.items)
+
     def item(self, name: str) -> RoomItem:
         """Return the item with a name."""
         check_text(name, "name", SceneError)

@@ -66,14 +66,9 @@ class WalkGrid:
         start = self.nearest(x, y)
         if start is None:
             return np.zeros_like(self.free)
-        width = self.columns + 1  # a blocked column separates rows
-        padded = np.zeros((self.rows, width), dtype=bool)
-        padded[:, :-1] = self.free
-        free = int.from_bytes(np.packbits(padded.ravel(), bitorder="little").tobytes(), "little")
-        found = _flood(1 << (start[0] * width + start[1]), free, width, self.rows)
-        size = (self.rows * width + 7) // 8
-        bits = np.unpackbits(np.frombuffer(found.to_bytes(size, "little"), dtype=np.uint8), bitorder="little")
-        return bits[: self.rows * width].reshape(self.rows, width)[:, :-1].astype(bool)
+        width = self.columns + 1
+        found = _flood(1 << (start[0] * width + start[1]), _as_bits(self.free), width, self.rows)
+        return _as_cells(found, self.free.shape)
 
     def nearest(self, x: float, y: float, distance: float = 0.5) -> tuple[int, int] | None:
         """Return the row and column of the free cell nearest to a point; None if it is farther than `distance` [m]."""
@@ -87,6 +82,30 @@ class WalkGrid:
         squared = np.where(free, ys[:, None] ** 2 + xs[None] ** 2, np.inf)
         number, offset = divmod(int(squared.argmin()), free.shape[1])
         return (low + number, left + offset) if squared[number, offset] <= distance**2 else None
+
+
+def largest_area(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells of the largest connected area of free cells, shape ``(rows, columns)``; none if none is free."""
+    rows, columns = free.shape
+    rest, largest = _as_bits(free), 0
+    while rest.bit_count() > largest.bit_count():
+        found = _flood(rest & -rest, rest, columns + 1, rows)
+        rest ^= found
+        largest = max(largest, found, key=int.bit_count)
+    return _as_cells(largest, free.shape)
+
+
+def _as_bits(cells: NDArray[np.bool_]) -> int:
+    """Return cells as bits of a number; a column that is not set separates rows."""
+    padded = np.pad(cells, ((0, 0), (0, 1)))
+    return int.from_bytes(np.packbits(padded.ravel(), bitorder="little").tobytes(), "little")
+
+
+def _as_cells(bits: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the cells of a number of `_as_bits`."""
+    rows, width = shape[0], shape[1] + 1
+    data = np.frombuffer(bits.to_bytes((rows * width + 7) // 8, "little"), dtype=np.uint8)
+    return np.unpackbits(data, bitorder="little")[: rows * width].reshape(rows, width)[:, :-1].astype(bool)
 
 
 def _flood(start: int, free: int, width: int, rows: int) -> int:

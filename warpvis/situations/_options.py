@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Options of the generator of situations."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+
+from warpvis.core.checks import as_items, as_path, check_choice, check_whole
+from warpvis.core.outputs import Output
+from warpvis.errors import SceneError
+from warpvis.situations._stage_items import StageOptions
+from warpvis.situations._wording import WORDINGS
+from warpvis.situations.rooms import ROOM_KINDS
+
+QUESTION_KINDS = tuple(WORDINGS)
+"""The kinds of questions."""
+PROCEDURAL = "procedural"
+"""Name of furnished rooms among scenes."""
+_OUTPUTS = ("color", "depth", "segmentation")
+
+
+@dataclass(frozen=True)
+class SituationOptions:
+    """What to generate; it can be pickled."""
+
+    seed: int = 0
+    """Seed of everything."""
+    rooms: tuple[str, ...] = ROOM_KINDS
+    """Kinds of procedural rooms, in turns."""
+    scenes: tuple[str, ...] = (PROCEDURAL,)
+    """Places of the situations, in turns by shard: paths of files, and ``"procedural"`` for furnished rooms."""
+    per_shard: int = 100
+    """Number of situations per shard."""
+    questions: tuple[str, ...] = QUESTION_KINDS
+    """Kinds of questions."""
+    outputs: tuple[Output, ...] = ("color",)
+    """Images of each view: ``"color"``, ``"depth"``, ``"segmentation"``."""
+    views: str = "camera"
+    """``"camera"`` for the camera of the pictures only, ``"all"`` for the participants' views, too."""
+    stage: StageOptions = field(default_factory=StageOptions)
+    """Who and what is in a room."""
+
+    def __post_init__(self) -> None:
+        check_whole(self.seed, "seed", minimum=0, error=SceneError)
+        check_whole(self.per_shard, "per_shard", error=SceneError)
+        check_choice(self.views, "views", ("camera", "all"), SceneError)
+        if not isinstance(self.stage, StageOptions):
+            raise SceneError(f"stage must be StageOptions, got {self.stage!r}")
+        for name, known in (("rooms", ROOM_KINDS), ("questions", QUESTION_KINDS), ("outputs", _OUTPUTS)):
+            items = as_items(getattr(self, name), name, SceneError)
+            for item in items:
+                check_choice(item, name, known, SceneError)
+            if not items and name != "outputs":
+                raise SceneError(f"{name} must be one or more of {', '.join(known)}, got none")
+            object.__setattr__(self, name, tuple(items))
+        is_one = isinstance(self.scenes, str | os.PathLike)
+        paths = [self.scenes] if is_one else as_items(self.scenes, "scenes", SceneError)
+        if not paths:
+            raise SceneError(f'scenes must be one or more of "{PROCEDURAL}" and paths of files, got none')
+        object.__setattr__(self, "scenes", tuple(os.fspath(as_path(path, "scenes")) for path in paths))
