@@ -6,13 +6,14 @@ import json
 import re
 from collections import Counter, defaultdict
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import warpvis as wv
 from warpvis.errors import SceneError
-from warpvis.situations import QUESTION_KINDS, SituationGenerator, SituationOptions, StageOptions
+from warpvis.situations import QUESTION_KINDS, SituationGenerator, SituationOptions, StageOptions, _pairs
 from warpvis.situations._wording import LEFT, NEVER, NO, YES
 
 OPTIONS = SituationOptions(seed=11, per_shard=60, outputs=())
@@ -198,6 +199,21 @@ def test_pictures_show_the_objects_of_questions():
             assert (image == scene.index(question.about[1])).any()
 
 
+def test_rooms_have_the_given_clutter():
+    _, _, described = SituationGenerator(SituationOptions(seed=7, clutter=(0, 0.1)))._stage(0, 0)
+    assert described["clutter"] <= 0.1
+
+
+def test_no_pairs_are_returned_if_none_are_wanted(monkeypatch):
+    rows = np.zeros((2, 3), dtype=np.int64), ["box", "box"], np.zeros((2, 3))
+    steps = round(2 * _pairs._REACH / _pairs._STEP) + 1
+    monkeypatch.setattr(_pairs, "_candidates", lambda *_: rows)
+    monkeypatch.setattr(_pairs, "_sideways", lambda *_: np.array([1.0, 0.0, 0.0]))
+    monkeypatch.setattr(_pairs, "_shares", lambda *_: np.tile(np.arange(steps) > steps // 2, (2, 1)).astype(np.float64))
+    stage = SimpleNamespace(fits=lambda *_: True)
+    assert [len(_pairs.find_pairs(stage, None, count, None)) for count in (2, 1, 0)] == [2, 1, 0]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -211,6 +227,9 @@ def test_pictures_show_the_objects_of_questions():
         ({"outputs": ("normals",)}, "outputs must be"),
         ({"views": "both"}, "views must be"),
         ({"stage": StageOptions}, "stage must be StageOptions"),
+        ({"clutter": 0.5}, "clutter must be a list, got 0.5"),
+        ({"clutter": (0.7, 0.2)}, "clutter must be two numbers from 0 to 1 in ascending order, got (0.7, 0.2)"),
+        ({"clutter": (0.2, float("nan"))}, "clutter must be two numbers"),
     ],
 )
 def test_wrong_options_are_one_sentence(options, message):

@@ -129,7 +129,7 @@ class SituationGenerator:
             return stage, numbers, {"kind": Path(path).name, "origin": part.origin.tolist(), **shard}
         kind = options.rooms[(number + attempt) % len(options.rooms)]
         seed = int(numbers.below(1 << 31, 1)[0])
-        clutter = round(float(numbers.uniform(0.2, 0.7, 1)[0]), 2)
+        clutter = round(float(numbers.uniform(*options.clutter, 1)[0]), 2)
         room = generate_room(seed, kind=kind, clutter=clutter)
         described: dict[str, Json] = {"seed": seed, "kind": kind, "clutter": clutter}
         stage = Stage(room, numbers, options.stage, self._device)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 
-from warpvis.core.checks import as_items, as_path, check_choice, check_whole
+from warpvis.core.checks import as_items, as_path, check_choice, check_whole, is_number
 from warpvis.core.outputs import Output
 from warpvis.errors import SceneError
 from warpvis.situations._stage_items import StageOptions
@@ -41,6 +41,8 @@ class SituationOptions:
     """``"camera"`` for the camera of the pictures only, ``"all"`` for the participants' views, too."""
     stage: StageOptions = field(default_factory=StageOptions)
     """Who and what is in a room."""
+    clutter: tuple[float, float] = (0.2, 0.7)
+    """Least and greatest clutter of procedural rooms, from 0 to 1, as in `generate_room`."""
 
     def __post_init__(self) -> None:
         check_whole(self.seed, "seed", minimum=0, error=SceneError)
@@ -48,6 +50,10 @@ class SituationOptions:
         check_choice(self.views, "views", ("camera", "all"), SceneError)
         if not isinstance(self.stage, StageOptions):
             raise SceneError(f"stage must be StageOptions, got {self.stage!r}")
+        ends = as_items(self.clutter, "clutter", SceneError)
+        if len(ends) != 2 or not all(map(is_number, ends)) or not 0 <= ends[0] <= ends[1] <= 1:
+            raise SceneError(f"clutter must be two numbers from 0 to 1 in ascending order, got {self.clutter!r}")
+        object.__setattr__(self, "clutter", tuple(map(float, ends)))
         for name, known in (("rooms", ROOM_KINDS), ("questions", QUESTION_KINDS), ("outputs", _OUTPUTS)):
             items = as_items(getattr(self, name), name, SceneError)
             for item in items:
