@@ -47,6 +47,7 @@ def main() -> None:
     from PIL import Image
 
     Image.fromarray(np.asarray(image)[..., :3]).quantize(200).save("people.png", optimize=True)
+    print("16 people in people.png")
 
 
 def add_person(scene: wv.Scene, column: int, place: np.ndarray, body: str, number: int) -> None:

@@ -7,16 +7,46 @@ from situation_jobs import FakeGenerator, FakeOptions
 
 import warpvis as wv
 
+OPTIONS = wv.situations.SituationOptions(rooms=("office",), per_shard=2, outputs=())
+
 
 def situation_cases(folder):
     """Return the cases."""
     room = wv.situations.generate_room(0, "lab", clutter=0.2)
+    generator = wv.situations.SituationGenerator(OPTIONS)
     rng = np.random.default_rng(0)
     return {
         "find_shortcuts": (
             wv.situations.find_shortcuts,
             {"situations": FakeGenerator(FakeOptions()).shard(0), "folds": 2, "threshold": 0.2},
         ),
+        "SituationOptions": (
+            wv.situations.SituationOptions,
+            {
+                "seed": 0,
+                "rooms": ("office",),
+                "per_shard": 2,
+                "questions": ("sees",),
+                "outputs": ("color",),
+                "views": "camera",
+                "stage": wv.situations.StageOptions(),
+                "clutter": (0.2, 0.3),
+                "scenes": ("procedural",),
+            },
+        ),
+        "StageOptions": (
+            wv.situations.StageOptions,
+            {
+                "people": 1,
+                "robot": True,
+                "picture": wv.Camera.kinect(),
+                "person_view": wv.Camera.kinect(),
+                "robot_view": wv.Camera.kinect(),
+            },
+        ),
+        "SituationGenerator": (wv.situations.SituationGenerator, {"options": OPTIONS, "device": "cpu"}),
+        "SituationGenerator.shard": (generator.shard, {"number": 0}),
+        "SituationGenerator.scene": (generator.scene, {"situation": generator.shard(0)[0], "moment": 0}),
         "generate_room": (
             wv.situations.generate_room,
             {"seed": 0, "kind": "office", "size": (4.0, 5.0), "clutter": 0.5},

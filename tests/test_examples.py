@@ -53,6 +53,7 @@ SAYS = {
     "place_cameras.py": r"1584 candidates, 6150 targets, 120 worlds\n"
     r"chosen: \[3, .*objective 0\.89\d, at most 0\.96\d\ntwo cameras see 8\d",
     "rooms.py": r"6 rooms in rooms\.png",
+    "people.py": r"16 people in people\.png",
     "randomized_worlds.py": r"12 worlds in randomized_worlds\.png",
     "mujoco_warp_depth.py": r"the ball is seen in 64 of 64 worlds\nits top is in row 35 of the first, 0 of the last",
 }

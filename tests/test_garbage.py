@@ -49,6 +49,7 @@ BAD = {
 
 # Results of calls, not meant to be constructed by users, and lists of constants.
 RESULTS = {
+    "SdfSensor",
     "Snapshot",
     "BatchSummary",
     "BatchRenderer",
@@ -261,7 +262,7 @@ NAMES = (
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
     "Viewer view MujocoStage read_scene "
     "Body Colors Figure Person at_ in_circle in_queue read_figure crouching looking_ pointing posed reaching sitting "
-    "stature walking generate_ Room "
+    "stature walking generate_ Room Situation Stage "
 ).split()
 
 

@@ -141,7 +141,7 @@ BAD = {
         "box.docx",
         {},
         FileFormatError,
-        r"box.docx: '.docx' is not a scene format; supported are wbt, xml, urdf, and .*glb",
+        r"box.docx: '.docx' is not a scene format; supported are wbt, xml, urdf, .*usd, .*sdf, .*, and .*glb",
     ),
 }
 

@@ -41,6 +41,7 @@ _MAX_QUESTIONS = 20_000  # of a kind: more would not change an accuracy by more 
 _MAX_ANSWERS = 50
 _QUANTILE = 2.326  # of the normal distribution, at 99 %
 _WORD = r"(?u)\b\w+\b"
+_DECIDED_BY_PLACES = ("left_right", "nearer")
 _TEXT, _PRIOR, _POSITION, _ALL = "text", "frequent_answer", "answer_position", "all_measures"
 
 
@@ -75,8 +76,12 @@ class Shortcut:
 
     @property
     def is_diagnostic(self) -> bool:
-        """Whether it uses the geometry that the question is about, so that a high accuracy is no fault of the set."""
-        return self.name in DIAGNOSTICS
+        """Whether it uses the geometry that the question is about, so that a high accuracy is no fault of the set.
+
+        The places of both objects and of the participant in the picture, all measures together, determine which object
+        is nearer to a participant, or on which side.
+        """
+        return self.name in DIAGNOSTICS or (self.name == _ALL and self.kind in _DECIDED_BY_PLACES)
 
 
 @dataclass(frozen=True)

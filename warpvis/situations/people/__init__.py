@@ -19,7 +19,7 @@ from warpvis.situations.people._postures import (
     standing,
     walking,
 )
-from warpvis.situations.people._skeleton import LIMITS as JOINT_LIMITS
+from warpvis.situations.people._skeleton import JOINT_LIMITS
 
 __all__ = [
     "JOINT_LIMITS",

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.errors import PoseError
-from warpvis.situations.people._skeleton import LIMITS, Angles, Frames, rotation, shoulder_rotation
+from warpvis.situations.people._skeleton import JOINT_LIMITS, Angles, Frames, rotation, shoulder_rotation
 from warpvis.situations.people._state import State
 
 _TRUNK = ("pelvis", "abdomen", "chest")
@@ -100,7 +100,7 @@ def _lean(state: State, before: Angles, target: NDArray[np.float64], side: str, 
     forward, aside = np.cos(ahead), np.sin(ahead)
     pitch = amount * _HIP_LEAN * np.clip(forward, 0.2, 1)
     for one in ("left", "right"):
-        pitch = np.minimum(pitch, LIMITS[f"hip_flexion_{one}"][1] - before[f"hip_flexion_{one}"])
+        pitch = np.minimum(pitch, JOINT_LIMITS[f"hip_flexion_{one}"][1] - before[f"hip_flexion_{one}"])
     state.angles["pelvis_pitch"] = before["pelvis_pitch"] + pitch
     for one in ("left", "right"):
         state.angles[f"hip_flexion_{one}"] = before[f"hip_flexion_{one}"] + pitch
@@ -111,7 +111,7 @@ def _lean(state: State, before: Angles, target: NDArray[np.float64], side: str, 
         "spine_twist": amount * _SPINE_TURN * turn * forward,
     }
     for name, change in changes.items():
-        state.angles[name] = np.clip(before[name] + change, *LIMITS[name])
+        state.angles[name] = np.clip(before[name] + change, *JOINT_LIMITS[name])
 
 
 def _solve_arm(
@@ -126,7 +126,7 @@ def _solve_arm(
     upper, lower = _arm_lengths(state)
     line = local - shoulder
     distance = np.linalg.norm(line, axis=1)
-    shortest = math.sqrt(upper**2 + lower**2 + 2 * upper * lower * math.cos(LIMITS["elbow_flexion_left"][1]))
+    shortest = math.sqrt(upper**2 + lower**2 + 2 * upper * lower * math.cos(JOINT_LIMITS["elbow_flexion_left"][1]))
     in_range = (distance <= upper + lower) & (distance >= shortest)
     span = np.clip(distance, max(shortest, 1e-6), upper + lower)
     unit = line / np.maximum(distance, 1e-9)[:, None]
@@ -140,7 +140,7 @@ def _solve_arm(
     elbow = np.arccos(np.clip((to_elbow * to_hand).sum(axis=-1), -1, 1))
     fits = np.full(flexion.shape, True)
     for name, value in zip(("flexion", "abduction", "rotation"), (flexion, abduction, internal), strict=True):
-        low, high = LIMITS[f"shoulder_{name}_left"]
+        low, high = JOINT_LIMITS[f"shoulder_{name}_left"]
         fits &= (value >= low) & (value <= high)
     arm = [shoulder + share * upper * to_elbow for share in (0.5, 1.0)]
     arm += [arm[-1] + share * lower * to_hand for share in (0.35, 0.7, 0.95)]
@@ -214,7 +214,7 @@ def point_arm(
         flexion, abduction, _ = _shoulder_angles(unit, unit)
         fits = length > 1e-6
         for name, value in (("flexion", flexion), ("abduction", abduction)):
-            low, high = LIMITS[f"shoulder_{name}_{side}"]
+            low, high = JOINT_LIMITS[f"shoulder_{name}_{side}"]
             fits &= (value >= low) & (value <= high)
         if (rows & ~fits).any():
             row = int(np.flatnonzero(rows & ~fits)[0])
@@ -253,7 +253,7 @@ def look(state: State, target: NDArray[np.float64]) -> None:
         chest = np.einsum("wji,wj->wi", frames.rotations["chest"], target - eyes)
         yaw, pitch = _angles_of(chest)
         need = _beyond(yaw, "neck_twist", "eye_yaw")
-        step = np.clip(twist + need, *LIMITS["spine_twist"]) - twist
+        step = np.clip(twist + need, *JOINT_LIMITS["spine_twist"]) - twist
         if np.abs(step).max() > 1e-9:
             twist = twist + step
             state.angles["spine_twist"] = twist
@@ -265,7 +265,7 @@ def look(state: State, target: NDArray[np.float64]) -> None:
     yaw, pitch = _angles_of(np.einsum("wji,wj->wi", frames.rotations["head"], target - eyes))
     near = np.linalg.norm(target - eyes, axis=1) < 0.05
     for name, value in (("eye_yaw", yaw), ("eye_pitch", pitch)):
-        low, high = LIMITS[name]
+        low, high = JOINT_LIMITS[name]
         is_bad = (value < low - 1e-6) | (value > high + 1e-6) | near
         if is_bad.any():
             row = int(np.flatnonzero(is_bad)[0])
@@ -288,12 +288,12 @@ def _angles_of(vectors: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
 def _head_part(angle: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Return the part of a change of gaze that neck and head make."""
     eyes = np.clip(_EYE_SHARE * angle, -_EYE_COMFORT, _EYE_COMFORT)
-    return np.clip(angle - eyes, *LIMITS[name])
+    return np.clip(angle - eyes, *JOINT_LIMITS[name])
 
 
 def _beyond(angle: NDArray[np.float64], neck: str, eyes: str) -> NDArray[np.float64]:
     """Return the part of an angle that neck and eyes together cannot make, with a margin of 3 degrees."""
     margin = math.radians(3)
-    low = LIMITS[neck][0] + LIMITS[eyes][0] + margin
-    high = LIMITS[neck][1] + LIMITS[eyes][1] - margin
+    low = JOINT_LIMITS[neck][0] + JOINT_LIMITS[eyes][0] + margin
+    high = JOINT_LIMITS[neck][1] + JOINT_LIMITS[eyes][1] - margin
     return np.maximum(angle - high, 0) + np.minimum(angle - low, 0)

@@ -71,7 +71,7 @@ _EYE_LIMITS = {"eye_yaw": (-44, 44), "eye_pitch": (-28, 47)}
 # The whole body; not limited by joints.
 _ROOT = {"pelvis_pitch": (-90, 90), "pelvis_roll": (-90, 90), "pelvis_yaw": (-180, 180)}
 
-LIMITS: dict[str, tuple[float, float]] = {
+JOINT_LIMITS: dict[str, tuple[float, float]] = {
     name: (math.radians(low), math.radians(high))
     for name, (low, high) in (
         _ROOT
@@ -185,8 +185,8 @@ def check_angles(angles: Mapping[str, ArrayLike]) -> Angles:
     """Check joint angles and their limits, and return them as arrays."""
     checked: Angles = {}
     for name, value in angles.items():
-        if name not in LIMITS:
-            known = truncate(", ".join(LIMITS), 400)
+        if name not in JOINT_LIMITS:
+            known = truncate(", ".join(JOINT_LIMITS), 400)
             raise PoseError(f"angles must be of the joints {known}, got {name!r}")
         try:
             array = as_numpy(value, name=name).astype(np.float64)
@@ -201,7 +201,7 @@ def check_angles(angles: Mapping[str, ArrayLike]) -> Angles:
 
 def check_limits(name: str, angle: NDArray[np.float64]) -> None:
     """Raise a `PoseError` if an angle exceeds the limits of its joint."""
-    low, high = LIMITS[name]
+    low, high = JOINT_LIMITS[name]
     is_bad = ~((angle >= low - _LIMIT_TOLERANCE) & (angle <= high + _LIMIT_TOLERANCE))
     if is_bad.any():
         worst = float(angle[is_bad].flat[0])
