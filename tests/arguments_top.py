@@ -135,6 +135,10 @@ def top_cases(folder):
             wv.Scene,
             {"device": "cpu", "up": "z", "label_names": {9: "shelf"}, "ground_labels": ["ground"]},
         ),
+        "Scene.read_parts": (
+            wv.Scene.read_parts,
+            {"path": folder / "box.ply", "search_path": (), "strict": False},
+        ),
         "Scene.load": (
             wv.Scene.load,
             {

@@ -144,12 +144,10 @@ class Scene:
                 unsupported content and `strict` is set.
             SceneError: If it contains no triangles, a pattern matches nothing, or an argument does not apply to it.
         """
-        from warpvis.io import read_parts
-
         if up is not None:
             check_up(up)
         rules = LabelRules.of(labels, label_names)
-        found = read_parts(path, search_path=search_path, strict=strict)
+        found = cls.read_parts(path, search_path=search_path, strict=strict)
         if check_flag(show_environment, "show_environment", SceneError) and found.sky is not None:
             found = replace(found, background=found.sky() or found.background)
         scene = cls(device=device, up=found.scene_up(up))
@@ -157,6 +155,24 @@ class Scene:
         for message in found.warnings:
             warnings.warn(message, stacklevel=2)
         return scene
+
+    @staticmethod
+    def read_parts(
+        path: str | os.PathLike[str],
+        *,
+        search_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
+        strict: bool = False,
+    ) -> FileParts:
+        """Read the parts of a file, which `load` adds to a new scene, and `add_parts` to an existing one.
+
+        Args:
+            path: The file.
+            search_path: As for `load`.
+            strict: As for `load`.
+        """
+        from warpvis.io import read_parts
+
+        return read_parts(path, search_path=search_path, strict=strict)
 
     def add(
         self,

@@ -96,10 +96,8 @@ class FileScene:
             FileFormatError: If the file is missing or cannot be read.
             SceneError: If there is no floor that a person can stand on, or no support next to it.
         """
-        from warpvis.io import read_parts
-
         self.path = path
-        found = read_parts(path)
+        found = Scene.read_parts(path)
         for message in found.warnings:
             warnings.warn(message, stacklevel=2)
         self.scene = Scene(up="z")
