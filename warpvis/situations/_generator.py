@@ -105,6 +105,13 @@ class SituationGenerator:
             situation: A situation of a generator with the same options.
             moment: Index of the moment.
         """
+        if not isinstance(situation, Situation):
+            raise SceneError(f"situation must be a Situation, got {type(situation).__name__}")
+        moment = check_whole(moment, "moment", minimum=0, error=SceneError)
+        if moment >= len(situation.moments):
+            raise SceneError(
+                f"moment must be below {len(situation.moments)}, the moments of the situation, got {moment}"
+            )
         numbers = [situation.room.get(name) for name in ("shard", "attempt")]
         stage, _, described = self._stage(*(check_whole(n, "shard", minimum=0, error=SceneError) for n in numbers))
         if described != situation.room:
