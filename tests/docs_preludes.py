@@ -47,6 +47,7 @@ _SMALLER = {
     '"cuda:0"': '"cpu"',
     "nworld=4096": "nworld=16",
     "count=100000": "count=20",
+    "--count 100000": "--count 10 --per-shard 10",
     "count=360": "count=8",
     "step=0.1": "step=0.5",
     "spacing=0.02": "spacing=0.2",
