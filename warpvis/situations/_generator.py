@@ -76,7 +76,7 @@ class SituationGenerator:
         self._files: dict[str, FileScene] = {}
 
     def shard(self, number: int) -> list[Situation]:
-        """Generate the situations of a shard: `SituationOptions.per_shard`, or fewer if its rooms are too small.
+        """Generate the situations of a shard: `SituationOptions.per_shard`, or fewer, often by one.
 
         Raises:
             FileFormatError: If the file of the scene is missing or cannot be read.
@@ -87,7 +87,7 @@ class SituationGenerator:
         situations: list[Situation] = []
         for attempt in range(_MAX_ROOMS):
             missing = self.options.per_shard - len(situations)
-            if missing:
+            if missing > 1 or not situations:  # questions are chosen in twos at least, since their answers are balanced
                 found = self._of_room(number, attempt, missing)
                 start = len(situations)
                 situations += [_named(one, number, start) for one in found]
