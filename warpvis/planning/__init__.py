@@ -15,7 +15,14 @@ from warpvis.planning._best_views import (
 from warpvis.planning._check_constraints import check_constraints
 from warpvis.planning._constraints import Constraint, ConstraintCheck, Term
 from warpvis.planning._coverage import Coverage, Samples, coverage, surface_samples
-from warpvis.planning._free_space import clearance, inside_solids as inside_solids, minimum_height, standing_room
+from warpvis.planning._free_space import (
+    clearance,
+    corners_of as corners_of,
+    inside_solids as inside_solids,
+    minimum_height,
+    standing_room,
+)
+from warpvis.planning._overlap import boxes_meet_triangles as boxes_meet_triangles
 from warpvis.planning._placement import Placement, place_cameras, unknown_targets
 from warpvis.planning._regions import BoxRegion, ShellRegion, SupportRegion
 from warpvis.planning._sample_views import SampledPoses, sample_objects, sample_views

@@ -17,9 +17,7 @@ from warpvis.cameras.rays import Rays
 from warpvis.core.labels import LabelPatterns, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import SceneError
-from warpvis.planning import inside_solids, standing_room
-from warpvis.planning._free_space import corners_of
-from warpvis.planning._overlap import boxes_meet_triangles
+from warpvis.planning import boxes_meet_triangles, corners_of, inside_solids, standing_room
 from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 from warpvis.scene.joints import JointTree
