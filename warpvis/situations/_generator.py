@@ -163,23 +163,22 @@ class SituationGenerator:
         pools.append(stand(panel, numbers, _places_of(stage), _EYE_HEIGHT))
         asked: dict[int, list[Question]] = defaultdict(list)
         pools = [pool for pool in pools if pool.kind in self.options.questions]
-        chosen = [iter(_in_lots(pool, count, numbers)) for pool in pools]
-        while chosen and len(asked) < count:
-            for pool, lots in list(zip(pools, chosen, strict=True)):
+        remaining = [(pool, _in_lots(pool, count, numbers)) for pool in pools]
+        while remaining and len(asked) < count:
+            for entry in list(remaining):
+                pool, lots = entry
                 lot = next(lots, None)
                 if lot is None:
-                    index = chosen.index(lots)
-                    del pools[index], chosen[index]
+                    remaining.remove(entry)
                 elif len(asked.keys() | set(pool.world[lot].tolist())) <= count:
                     for row in lot:
                         asked[int(pool.world[row])].append(pool.write(row))
-            if not chosen:
-                break
         drafts = []
         for world, questions in sorted(asked.items()):
             rows = np.array([world])
-            viewers = [[viewer.at(rows) for viewer in (*panel.participants, panel.camera)]]
-            drafts.append(_Draft(viewers, panel.object_poses[rows], arranged.postures[world], questions))
+            drafts.append(
+                _Draft([panel.viewers_at(rows)], panel.object_poses[rows], arranged.postures[world], questions)
+            )
         return drafts
 
     def _pairs(self, stage: Stage, arranged: Arrangements, count: int, numbers: Numbers) -> list[_Draft]:
@@ -189,8 +188,7 @@ class SituationGenerator:
             return drafts
         for number, pair in enumerate(find_pairs(stage, arranged, count, numbers)):
             rows = np.array([pair.world])
-            viewers = [viewer.at(rows) for viewer in (*panel.participants, panel.camera)]
-            twins = []
+            viewers, twins, placed = panel.viewers_at(rows), [], []
             for move in (pair.hidden, pair.visible):
                 poses = panel.object_poses[rows].copy()
                 stage.move(poses, pair.blocker, move)
@@ -200,12 +198,11 @@ class SituationGenerator:
                 asked = panel.participants[pair.agent].name, panel.things[pair.thing]
                 written = [pool.write(row) for row in range(len(pool.world))]
                 twins.append([question for question in written if question.about == asked])
+                placed.append(poses)
             if not all(twins) or twins[0][0].answer == twins[1][0].answer:
                 continue  # the blocker hides a participant or the object from the camera
             what: dict[str, Json] = {"object": pair.blocker, "meters": round(pair.distance, 4)}
-            for questions, move in zip(twins, (pair.hidden, pair.visible), strict=True):
-                poses = panel.object_poses[rows].copy()
-                stage.move(poses, pair.blocker, move)
+            for questions, poses in zip(twins, placed, strict=True):
                 drafts.append(_Draft([viewers], poses, arranged.postures[pair.world], questions, number, what))
         return drafts
 
@@ -220,7 +217,7 @@ class SituationGenerator:
                 continue
             for row in pool.choose(max(2, count // len(kinds)), numbers):
                 sequence: Sequence = sequences[row]
-                start = [viewer.at(np.array([sequence.world])) for viewer in (*panel.participants, panel.camera)]
+                start = panel.viewers_at(np.array([sequence.world]))
                 viewers = []
                 for eyes in sequence.eyes:
                     now = list(start)

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from warpvis.planning import look_along
 from warpvis.situations._balance import Pool
 from warpvis.situations._kinds import about_pairs, ask, make_pool
 from warpvis.situations._numbers import Numbers
-from warpvis.situations._panel import HIDDEN, LIMIT, SEEN, Panel
+from warpvis.situations._panel import HIDDEN, LIMIT, SEEN, Panel, is_clear
 from warpvis.situations._situation import Question
 from warpvis.situations._wording import LEFT, NO, RIGHT, YES, word_share
 
@@ -45,31 +45,6 @@ def _some(rows: tuple[NDArray[np.integer], ...], random: Numbers) -> tuple[NDArr
     return tuple(column[chosen] for column in rows)
 
 
-def _shares(
-    panel: Panel,
-    rows: tuple[NDArray[np.integer], ...],
-    eyes: NDArray[np.float64] | None = None,
-    removed: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float64]:
-    """Return the visible share of an object for an agent in each row, with other eyes or without some objects."""
-    world, agent, thing = rows[:3]
-    shares = np.zeros(len(world))
-    for number, viewer in enumerate(panel.participants):
-        of_agent = np.flatnonzero(agent == number)
-        if not len(of_agent):
-            continue
-        worlds = world[of_agent]
-        moved = viewer.at(worlds) if eyes is None else replace(viewer, eyes=eyes[of_agent])
-        without = None if removed is None else removed[of_agent]
-        found = panel.watch.observe([moved], panel.object_poses[worlds], without)
-        shares[of_agent] = found.fraction[np.arange(len(worlds)), 0, thing[of_agent]]
-    return shares
-
-
-def _clear(shares: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return (shares >= SEEN) | (shares <= HIDDEN)
-
-
 def without(panel: Panel, random: Numbers) -> Pool:
     """Ask whether a participant would see an object if something were taken away: what hides it, or something else."""
     hidden = about_pairs(panel) & (panel.fraction <= HIDDEN)
@@ -89,11 +64,9 @@ def without(panel: Panel, random: Numbers) -> Pool:
         body = [panel.scene.index(name) for name in viewer.body]
         removed[np.flatnonzero(np.isin(blocker, body))[:, None], body] = True
         blocker = np.where(np.isin(blocker, body), body[0] if body else -1, blocker)
-    own = np.array(
-        [panel.scene.objects[b].name in panel.participants[a].body for a, b in zip(rows[1], blocker, strict=True)]
-    )
-    shares = _shares(panel, rows, removed=removed)
-    clear = _clear(shares) & ~np.array(own, dtype=np.bool_)
+    own = [panel.scene.objects[b].name in panel.participants[a].body for a, b in zip(rows[1], blocker, strict=True)]
+    shares = panel.shares(rows, removed=removed)
+    clear = is_clear(shares) & ~np.array(own, dtype=np.bool_)
     rows, blocker, shares = tuple(c[clear] for c in rows), blocker[clear], shares[clear]
 
     def write(row: int) -> Question:
@@ -117,13 +90,13 @@ def step(panel: Panel, random: Numbers) -> Pool:
     near = (panel.found.centers[:, :-1, : len(panel.things), 2] > 0) & (states != 0)  # in the field of view
     world, agent, thing = _some(np.nonzero(hidden & near), random)
     side = random.below(2, len(world))
-    eyes = np.array([panel.participants[a].eyes[w] for w, a in zip(world, agent, strict=True)]).reshape(-1, 7)
+    eyes = panel.eyes(world, agent)
     right = poses_to_matrices(eyes)[:, :3, 0] * [1, 1, 0]
     right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-9)
     eyes[:, :3] += right * np.where(side == 0, -_STEP, _STEP)[:, None]
     rows: tuple[NDArray[np.integer], ...] = world, agent, thing, side
-    shares = _shares(panel, rows, eyes=eyes)
-    clear = _clear(shares)
+    shares = panel.shares(rows, eyes=eyes)
+    clear = is_clear(shares)
     rows, shares = tuple(column[clear] for column in rows), shares[clear]
 
     def write(row: int) -> Question:
@@ -151,11 +124,11 @@ def stand(panel: Panel, random: Numbers, places: Sequence[Place], height: float)
     if len(places) < 2 or not len(rows[0]):
         empty = np.zeros(0, dtype=np.int64)
         return make_pool(panel, "stand", (empty, empty, empty), empty, _nothing)
-    targets = _positions(panel, rows)
+    targets = panel.eyes(rows[0], rows[1])[:, :3] + panel.offsets(rows)
     shares = np.zeros((len(rows[0]), len(places)))
     for number, place in enumerate(places):
         start = np.broadcast_to([*place.position, height], targets.shape)
-        shares[:, number] = _shares(panel, rows, eyes=look_along(start, targets - start, 2))
+        shares[:, number] = panel.shares(rows, eyes=look_along(start, targets - start, 2))
     seen, unseen = shares >= SEEN, shares <= HIDDEN
     asked = seen.any(axis=1) & (unseen.sum(axis=1) >= 1)
     rows, shares, seen, unseen = tuple(column[asked] for column in rows), shares[asked], seen[asked], unseen[asked]
@@ -176,15 +149,6 @@ def stand(panel: Panel, random: Numbers, places: Sequence[Place], height: float)
         return Question(**fields, about=(who.name, what))
 
     return make_pool(panel, "stand", rows, best, write)
-
-
-def _positions(panel: Panel, rows: tuple[NDArray[np.integer], ...]) -> NDArray[np.float64]:
-    """Return the centers of the objects of rows in the world [m], shape ``(n, 3)``."""
-    world, agent, thing = rows[:3]
-    eyes = np.array([panel.participants[a].eyes[w] for w, a in zip(world, agent, strict=True)]).reshape(-1, 7)
-    matrices = poses_to_matrices(eyes)
-    local = panel.found.centers[world, agent, thing]
-    return np.einsum("nij,nj->ni", matrices[:, :3, :3], local) + matrices[:, :3, 3]
 
 
 def _nothing(row: int) -> Question:

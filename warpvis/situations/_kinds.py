@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warpvis.core.labels import Visibility
 from warpvis.situations._balance import Pool
-from warpvis.situations._panel import HIDDEN, LIMIT, SEEN, Panel
+from warpvis.situations._panel import HIDDEN, LIMIT, SEEN, Panel, is_clear
 from warpvis.situations._situation import Question
 from warpvis.situations._wording import (
     AMOUNTS,
@@ -55,9 +55,7 @@ def ask(kind: str, choices: Sequence[str], answer: str, reason: str, margin: tup
     }
 
 
-def yes_or_no(
-    panel: Panel, world: int, agent: int, thing: int, fraction: float | None = None
-) -> tuple[str, str, float]:
+def yes_or_no(panel: Panel, world: int, agent: int, thing: int) -> tuple[str, str, float]:
     """Return whether an agent sees an object, why, and the margin of its visible share."""
     share = float(panel.fraction[world, agent, thing])
     if share >= LIMIT:
@@ -101,7 +99,7 @@ def about_pairs(panel: Panel) -> NDArray[np.bool_]:
 def sees(panel: Panel) -> Pool:
     """Ask whether a participant sees an object."""
     share = panel.fraction
-    rows = np.nonzero(about_pairs(panel) & ((share >= SEEN) | (share <= HIDDEN)))
+    rows = np.nonzero(about_pairs(panel) & is_clear(share))
     rows = tuple(column[_without_excess(panel, rows)] for column in rows)
     answer = (share[rows] < LIMIT).astype(np.int64)
 
@@ -274,7 +272,7 @@ def who_sees(panel: Panel) -> Pool:
     """Ask which of two participants see an object."""
     pairs = list(itertools.combinations(range(len(panel.participants)), 2))
     share, shown = panel.fraction, about_pairs(panel)
-    clear = shown & ((share >= SEEN) | (share <= HIDDEN))
+    clear = shown & is_clear(share)
     parts = [np.nonzero(clear[:, first] & clear[:, second]) for first, second in pairs]
     none = np.zeros(0, dtype=np.int64)
     world = np.concatenate([none, *(part[0] for part in parts)])

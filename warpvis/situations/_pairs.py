@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.core.poses import poses_to_matrices
 from warpvis.situations._kinds import about_pairs
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._panel import HIDDEN, SEEN
@@ -54,7 +53,9 @@ def find_pairs(stage: Stage, arranged: Arrangements, count: int, numbers: Number
     if not len(rows) or not count:
         return []
     offsets = np.arange(-_REACH, _REACH + _STEP / 2, _STEP)
-    sideways = np.array([_sideways(arranged, row) for row in rows])
+    along = arranged.panel.offsets(tuple(rows.T))
+    sideways = np.column_stack([-along[:, 1], along[:, 0], np.zeros(len(along))])
+    sideways /= np.maximum(np.linalg.norm(sideways, axis=1, keepdims=True), 1e-9)
     moves = starts[:, None] + offsets[None, :, None] * sideways[:, None]
     shares = _shares(stage, arranged, rows, blocked, moves)
     found: list[Pair] = []
@@ -107,15 +108,6 @@ def _candidates(
     return np.array(rows, dtype=np.int64).reshape(-1, 3), names, np.array(starts).reshape(-1, 3)
 
 
-def _sideways(arranged: Arrangements, row: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Return the horizontal direction across the line of sight of a row ``world, agent, thing``, shape ``(3,)``."""
-    world, agent, thing = row
-    viewer = arranged.panel.participants[agent]
-    along = poses_to_matrices(viewer.eyes[world])[:3, :3] @ arranged.panel.found.centers[world, agent, thing]
-    across = np.array([-along[1], along[0], 0.0])
-    return across / max(float(np.linalg.norm(across)), 1e-9)
-
-
 def _shares(
     stage: Stage,
     arranged: Arrangements,
@@ -124,21 +116,12 @@ def _shares(
     moves: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return the visible share of each row's object after each movement of its blocker, shape ``(n, offsets)``."""
-    panel, (count, steps) = arranged.panel, moves.shape[:2]
-    shares = np.zeros((count, steps))
-    for number, viewer in enumerate(panel.participants):
-        chosen = np.flatnonzero(rows[:, 1] == number)
-        if not len(chosen):
-            continue
-        worlds = np.repeat(rows[chosen, 0], steps)
-        poses = panel.object_poses[worlds]
-        for place, index in enumerate(chosen):
-            part = slice(place * steps, (place + 1) * steps)
-            stage.move(poses[part], blocked[index], moves[index])
-        found = panel.watch.observe([viewer.at(worlds)], poses)
-        things = np.repeat(rows[chosen, 2], steps)
-        shares[chosen] = found.fraction[np.arange(len(worlds)), 0, things].reshape(-1, steps)
-    return shares
+    steps = moves.shape[1]
+    repeated = np.repeat(rows, steps, axis=0)
+    poses = arranged.panel.object_poses[repeated[:, 0]]
+    for index, (blocker, offsets) in enumerate(zip(blocked, moves, strict=True)):
+        stage.move(poses[index * steps : (index + 1) * steps], blocker, offsets)
+    return arranged.panel.shares(tuple(repeated.T), object_poses=poses).reshape(-1, steps)
 
 
 def _nearest_flip(share: NDArray[np.float64], reach: int) -> tuple[int, int] | None:

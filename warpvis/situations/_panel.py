@@ -5,12 +5,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.labels import Visibility
+from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Scene
 from warpvis.situations._observations import Observations, Viewer, Watch
 
@@ -20,9 +21,16 @@ HIDDEN = 0.01
 """Maximum visible share of what is called not visible."""
 LIMIT = 0.1
 """Visible share between the two, from which margins count; objects with shares near it are not asked about."""
+Rows = Sequence[NDArray[np.integer]]
+"""Columns of arrangements, agents, objects, and others."""
 _IN_PICTURE = 0.5
 _PERSON_IN_PICTURE = 0.3
 """Minimum visible shares of the objects and the participants of a question in the picture."""
+
+
+def is_clear(shares: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return where visible shares are those of something visible, or of something that is not, but nothing between."""
+    return (shares >= SEEN) | (shares <= HIDDEN)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +73,48 @@ class Panel:
     def participant_in_picture(self) -> NDArray[np.bool_]:
         """Whether a participant is well visible in the picture, shape ``(W, P)``."""
         return self.found.fraction[:, -1, len(self.things) :] >= _PERSON_IN_PICTURE
+
+    def viewers_at(self, worlds: NDArray[np.integer]) -> list[Viewer]:
+        """Return the participants and then the camera in some of the arrangements."""
+        return [viewer.at(worlds) for viewer in (*self.participants, self.camera)]
+
+    def eyes(self, worlds: NDArray[np.integer], agents: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Return the poses of the eyes of agents, one in each of some arrangements, shape ``(n, 7)``."""
+        return np.stack([viewer.eyes for viewer in self.participants], axis=1)[worlds, agents]
+
+    def offsets(self, rows: Rows) -> NDArray[np.float64]:
+        """Return the centers of the objects of rows, seen from the agents, in the room's axes [m], ``(n, 3)``."""
+        world, agent, thing = rows[:3]
+        rotations = poses_to_matrices(self.eyes(world, agent))[:, :3, :3]
+        return np.einsum("nij,nj->ni", rotations, self.found.centers[world, agent, thing])
+
+    def shares(
+        self,
+        rows: Rows,
+        *,
+        eyes: NDArray[np.float64] | None = None,
+        object_poses: NDArray[np.float32] | None = None,
+        removed: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.float64]:
+        """Measure the visible share of an object for an agent in each row, after a change.
+
+        Args:
+            rows: Columns of arrangements, agents and objects, shape ``(n,)`` each; others are ignored.
+            eyes: Other poses of the agents' eyes, shape ``(n, 7)``.
+            object_poses: Other poses of the movable objects, shape ``(n, M, 7)``.
+            removed: Objects that are left out, shape ``(n, objects)``.
+        """
+        world, agent, thing = rows[:3]
+        shares = np.zeros(len(world))
+        for number, viewer in enumerate(self.participants):
+            chosen = np.flatnonzero(agent == number)
+            if not len(chosen):
+                continue
+            moved = viewer.at(world[chosen]) if eyes is None else replace(viewer, eyes=eyes[chosen])
+            poses = self.object_poses[world[chosen]] if object_poses is None else object_poses[chosen]
+            found = self.watch.observe([moved], poses, None if removed is None else removed[chosen])
+            shares[chosen] = found.fraction[np.arange(len(chosen)), 0, thing[chosen]]
+        return shares
 
     def picture_features(self, worlds: NDArray[np.integer], things: NDArray[np.integer]) -> NDArray[np.float64]:
         """Return place and distance of objects in the picture, shape ``(n, 3)``."""

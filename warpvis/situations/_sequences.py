@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warpvis.situations._balance import Pool
 from warpvis.situations._kinds import ask, make_pool
 from warpvis.situations._numbers import Numbers
-from warpvis.situations._panel import HIDDEN, LIMIT, SEEN
+from warpvis.situations._panel import HIDDEN, LIMIT, SEEN, is_clear
 from warpvis.situations._situation import Question
 from warpvis.situations._stage import Arrangements, Stage
 from warpvis.situations._wording import NEVER
@@ -115,7 +115,7 @@ def _first_sight(arranged: Arrangements, rotations: list[_Rotation]) -> tuple[Po
     panel = arranged.panel
     rows: list[tuple[_Rotation, NDArray[np.int64], int]] = []
     for one in rotations:
-        clear = (one.shares[0] >= SEEN) | (one.shares[0] <= HIDDEN)
+        clear = is_clear(one.shares[0])
         for first in range(_DIRECTIONS):
             chosen = (first + np.arange(MOMENTS)) % _DIRECTIONS
             if clear[chosen].all():
