@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Generated situations: answers against renderings of their own scenes, twins, moments, and determinism."""
+"""Generated situations: answers against measurements of their scenes, twins, moments, and determinism."""
 
 import json
 import re
@@ -208,10 +208,10 @@ def test_no_pairs_are_returned_if_none_are_wanted(monkeypatch):
     rows = np.zeros((2, 3), dtype=np.int64), ["box", "box"], np.zeros((2, 3))
     steps = round(2 * _pairs._REACH / _pairs._STEP) + 1
     monkeypatch.setattr(_pairs, "_candidates", lambda *_: rows)
-    monkeypatch.setattr(_pairs, "_sideways", lambda *_: np.array([1.0, 0.0, 0.0]))
     monkeypatch.setattr(_pairs, "_shares", lambda *_: np.tile(np.arange(steps) > steps // 2, (2, 1)).astype(np.float64))
     stage = SimpleNamespace(fits=lambda *_: True)
-    assert [len(_pairs.find_pairs(stage, None, count, None)) for count in (2, 1, 0)] == [2, 1, 0]
+    arranged = SimpleNamespace(panel=SimpleNamespace(offsets=lambda _: np.array([[0.0, -1.0, 0.0]] * 2)))
+    assert [len(_pairs.find_pairs(stage, arranged, count, None)) for count in (2, 1, 0)] == [2, 1, 0]
 
 
 @pytest.mark.parametrize(
