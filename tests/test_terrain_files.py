@@ -89,8 +89,34 @@ def test_cells_without_data_are_left_out(tmp_path, value):
     assert item.vertices[:, 2].min() > 200
 
 
+@pytest.mark.parametrize("kind", ["mask", "nodata and mask"])
+def test_masked_cells_are_left_out(tmp_path, kind):
+    path = write(tmp_path / "dem.tif", nodata=None if kind == "mask" else -1.0)
+    valid = np.full(Z.shape, 255, np.uint8)
+    valid[5:7, 10:12] = 0
+    with rasterio.open(path, "r+") as file:
+        file.write_mask(valid)
+    assert len(only(Scene.load(path)).faces) == 2 * 19 * 29 - 16
+
+
+def test_other_metadata_is_ignored(tmp_path):
+    """A vertical datum, a time, a color table and overviews change no vertex."""
+    z = np.arange(30, dtype=np.uint8).reshape(5, 6)
+    plain = only(Scene.load(write(tmp_path / "plain.tif", z)))
+    path = write(tmp_path / "dem.tif", z, crs="EPSG:32633+5773")
+    with rasterio.open(path, "r+") as file:
+        file.update_tags(TIFFTAG_DATETIME="2024:01:02 03:04:05")
+        file.write_colormap(1, {value: (value, 0, 0, 255) for value in range(256)})
+        file.build_overviews([2], rasterio.enums.Resampling.average)
+    item = only(Scene.load(path))
+    np.testing.assert_array_equal(item.vertices, plain.vertices)
+    np.testing.assert_array_equal(item.faces, plain.faces)
+    assert item.appearance is None
+
+
 @pytest.mark.parametrize(
-    ("unit", "meters"), [("m", 1), ("metre", 1), ("ft", 0.3048), ("US survey foot", 1200 / 3937), ("cm", 0.01)]
+    ("unit", "meters"),
+    [("m", 1), ("metre", 1), ("ft", 0.3048), ("US survey foot", 1200 / 3937), ("cm", 0.01), ("dm", 0.1), ("km", 1000)],
 )
 def test_unit_of_elevations(tmp_path, unit, meters):
     path = write(tmp_path / "dem.tif", units=unit)
@@ -202,10 +228,11 @@ def test_other_files(tmp_path, content):
     assert "\n" not in str(caught.value)
 
 
-def test_other_rasters_are_not_read(tmp_path):
-    (tmp_path / "dem.asc").write_text("ncols 2")
-    with pytest.raises(FileFormatError, match=r"dem.asc: '.asc' is not a scene format"):
-        Scene.load(tmp_path / "dem.asc")
+@pytest.mark.parametrize("suffix", ["asc", "hgt", "nc"])
+def test_other_rasters_are_not_read(tmp_path, suffix):
+    (tmp_path / f"dem.{suffix}").write_text("ncols 2")
+    with pytest.raises(FileFormatError, match=rf"dem.{suffix}: '.{suffix}' is not a scene format"):
+        Scene.load(tmp_path / f"dem.{suffix}")
 
 
 def test_large_rasters(tmp_path, monkeypatch):
