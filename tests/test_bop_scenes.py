@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import warpvis as wv
@@ -86,6 +87,36 @@ def test_colors_of_models(tmp_path):
     mesh.visual.vertex_colors = [200, 100, 50, 255]
     mesh.export(tmp_path / "models/obj_000005.ply")
     assert (load_bop_scene(folder)["obj_000005"].appearance.vertex_colors == (200, 100, 50, 255)).all()
+
+
+def test_texture_of_models(tmp_path):
+    """Vertices have texture coordinates, and a comment names the image, as in the models of HOPE."""
+    folder = write_identity(tmp_path)
+    header = "ply\nformat ascii 1.0\ncomment TextureFile mug.png\nelement vertex 3\n"
+    header += "".join(f"property float {name}\n" for name in ("x", "y", "z", "texture_u", "texture_v"))
+    header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    corners = "0 0 0 0.1 0.2\n100 0 0 0.9 0.2\n0 100 0 0.1 0.8\n3 0 1 2\n"
+    (tmp_path / "models/obj_000005.ply").write_text(header + corners)
+    Image.new("RGB", (2, 2), (10, 200, 30)).save(tmp_path / "models/mug.png")
+    item = load_bop_scene(folder)["obj_000005"]
+    assert (item.appearance.materials[0].texture.image[..., :3] == (10, 200, 30)).all()
+    np.testing.assert_allclose(item.appearance.corner_uv(item.faces)[0], [(0.1, 0.2), (0.9, 0.2), (0.1, 0.8)])
+
+
+def test_other_files_are_ignored(tmp_path):
+    """Symmetries, sizes and visibilities do not affect the scene, nor do invalid ones."""
+    folder = write_bop(tmp_path, CAMERAS, PLACES)
+    symmetries = {"5": {"diameter": "x", "symmetries_discrete": [[1]], "symmetries_continuous": 3}}
+    (tmp_path / "models/models_info.json").write_text(json.dumps(symmetries))
+    (folder / "scene_gt_info.json").write_text("[")
+    (tmp_path / "camera.json").write_text("{}")
+    expect(load_bop_scene(folder), PLACES[3], np.eye(4))
+
+
+def test_hdf5_of_blenderproc_is_not_read(tmp_path):
+    (tmp_path / "0.hdf5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(FileFormatError, match=r"0.hdf5: '.hdf5' is not a scene format"):
+        Scene.load(tmp_path / "0.hdf5")
 
 
 def test_several_cameras(tmp_path):
