@@ -30,11 +30,19 @@ from warpvis.io._gltf import FileMeshes, read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
 from warpvis.io._obj import ObjMaterials, has_normals, obj_order, obj_splits, require_obj_elements, straighten_obj
-from warpvis.io._ply import straighten_ply
+from warpvis.io._ply import (
+    has_corner_coordinates,
+    ply_appearance,
+    ply_texture,
+    straighten_ply,
+    without_coordinates,
+    without_normals,
+)
 from warpvis.io._readers import SCENE_READERS
 from warpvis.scene import Axis, FileParts, Part, keep_winding
 from warpvis.scene.appearances import FileNormals, LazyAppearance, choose_appearance
 from warpvis.scene.collada import unit_and_axis, without_skins
+from warpvis.scene.materials import Texture
 from warpvis.scene.normals import have_direction, transform_normals
 
 _GLTF = ("glb", "gltf")
@@ -258,7 +266,7 @@ def _load(name: str, kind: str, file: bytes, find: Find, locate: Locate) -> File
         if kind == "3mf":
             return _load_3mf(Path(name), file)
         if kind == "ply":
-            file = straighten_ply(file)
+            return _load_ply(name, file, locate)
         return _load_obj(name, file, locate) if kind == "obj" else _load_by_trimesh(name, file, kind)
     except FileFormatError:
         raise
@@ -313,6 +321,21 @@ def _load_obj(name: str, file: bytes, locate: Locate) -> FileMeshes:
     order = obj_order(text)
     found.parts.sort(key=lambda part: order.get(part.name, -1))
     return found
+
+
+def _load_ply(name: str, file: bytes, locate: Locate) -> FileMeshes:
+    """Read PLY; an image replaces the colors of vertices."""
+    image = ply_texture(file)
+    source, file = locate(image) if image else None, straighten_ply(file)
+    if source is None:
+        found = _load_by_trimesh(name, without_coordinates(file), "ply")
+        found.notes += [f"the texture {truncate(image)}, which was not found"] if image else []
+        return found
+    # Coordinates of corners split vertices, which normals of vertices do not fit.
+    splits = has_corner_coordinates(file)
+    file = without_normals(file) if splits else file
+    textured = partial(ply_appearance, Texture(source, name=f"{name}: {image}"))
+    return _load_by_trimesh(name, file, "ply", appearance_of=textured, skip_materials=True, fix_texture=splits)
 
 
 def _load_by_trimesh(

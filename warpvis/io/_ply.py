@@ -3,13 +3,19 @@
 """Workarounds for trimesh's PLY reader, applied to the bytes before they are parsed.
 
 The reader requires Unix line ends in headers, and binary faces with equal numbers of corners; Rhino writes old Mac line
-ends, and Blender and MeshLab write triangles among quads.
+ends, and Blender and MeshLab write triangles among quads. It drops colors of vertices if there are texture coordinates,
+also without an image.
 """
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
+
+from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.materials import Appearance, Material, Texture
 
 _END = b"\rend_header\r"
 PLY_TYPES = {
@@ -18,8 +24,53 @@ PLY_TYPES = {
     **{name: code for names, code in (("int int32", "i4"), ("uint uint32", "u4")) for name in names.split()},
     **{name: code for names, code in (("float float32", "f4"), ("double float64", "f8")) for name in names.split()},
 }
+_TEXTURE = re.compile(rb"^comment\s+TextureFile\s+(\S.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+_CORNER_COORDINATES = re.compile(rb"^property\s+list\s+\S+\s+\S+\s+texcoord\s*$", re.MULTILINE)
+_UNUSED = rb"^(property\s.*\s)(%s)(\s*)$"
 _Element = tuple[str, int, list[list[str]]]
 """Name, count, and the words of its properties."""
+
+
+def ply_texture(file: bytes) -> str:
+    """Return the name of the image of a PLY file; empty if there is none."""
+    match = _TEXTURE.search(_header(file))
+    return "" if match is None else match[1].decode("utf-8", errors="replace")
+
+
+def ply_appearance(texture: Texture, _: str, base: LazyAppearance | None, __: int) -> LazyAppearance | None:
+    """Return the texture with the coordinates that trimesh read; without any, the colors."""
+
+    def make() -> Appearance | None:
+        found = None if base is None else base.get()
+        if found is None or found.uv is None:
+            return found
+        return Appearance((Material(texture=texture),), uv=found.uv)
+
+    return None if base is None else LazyAppearance(make)
+
+
+def has_corner_coordinates(file: bytes) -> bool:
+    """Return whether the corners of faces have texture coordinates, which may differ at a vertex."""
+    return _CORNER_COORDINATES.search(_header(file)) is not None
+
+
+def without_coordinates(file: bytes) -> bytes:
+    """Rename the texture coordinates, so that trimesh does not read them."""
+    return _renamed(file, b"texture_u|texture_v|u|v|s|t|texcoord")
+
+
+def without_normals(file: bytes) -> bytes:
+    """Rename the normals of vertices, so that trimesh does not read them."""
+    return _renamed(file, b"nx|ny|nz")
+
+
+def _header(file: bytes) -> bytes:
+    return file[: file.find(b"end_header") + 1]
+
+
+def _renamed(file: bytes, names: bytes) -> bytes:
+    header = _header(file)
+    return re.sub(_UNUSED % names, rb"\1unused_\2\3", header, flags=re.MULTILINE) + file[len(header) :]
 
 
 def straighten_ply(file: bytes) -> bytes:
