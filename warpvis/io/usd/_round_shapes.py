@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Triangles of boxes and round shapes about z, with the normals of the true surface at their corners.
 
-The corners of rings lie slightly outside of the true surface, so that the triangles lie as far outside of it at their
-corners as inside at the middles of their edges. The tolerance is relative, since shapes are scaled afterwards.
+The corners lie slightly outside of the true surface, so that the triangles lie as far outside of it at their corners as
+inside at the middles of their edges, or on spheres, at the middles of quadrilaterals. The tolerance is relative, since
+shapes are scaled afterwards.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +18,28 @@ from numpy.typing import NDArray
 RELATIVE_TOLERANCE = 5e-4
 """Maximum distance between triangles and the true surface, as a fraction of the radius."""
 
-_SLICES = 2 * math.ceil(math.pi / math.acos((1 - RELATIVE_TOLERANCE) / (1 + RELATIVE_TOLERANCE)) / 2)
-_GROWTH = 2 / (1 + math.cos(math.pi / _SLICES))
-"""Distance of the corners of a ring from its center, for a circle of radius 1."""
+
+class _Grid(NamedTuple):
+    """The corners of a revolved profile."""
+
+    slices: int
+    growth: float
+    """Distance of the corners from the center, for a radius of 1."""
+
+
+def _grid(curved_directions: int) -> _Grid:
+    """Return the coarsest grid within the tolerance, with an even number of slices.
+
+    With corners at distance 1 and angles of ``2 pi / slices``, triangles come within ``q`` of the axis of a cylinder or
+    the center of a sphere: ``cos(pi / slices)``, to the power of the number of curved directions. Corners at
+    ``2 / (1 + q)`` make both errors ``(1 - q) / (1 + q)``.
+    """
+    inner = (1 - RELATIVE_TOLERANCE) / (1 + RELATIVE_TOLERANCE)
+    slices = 2 * math.ceil(math.pi / math.acos(inner ** (1 / curved_directions)) / 2)
+    return _Grid(slices, 2 / (1 + math.cos(math.pi / slices) ** curved_directions))
+
+
+_CYLINDER, _SPHERE = _grid(1), _grid(2)
 
 _Shape = tuple[NDArray[np.float64], NDArray[np.integer], NDArray[np.float64] | None]
 """Vertices, faces and normals of their corners, shape ``(m, 3, 3)``."""
@@ -37,7 +58,7 @@ def frustum(bottom: float, top: float, height: float) -> _Shape:
     half = height / 2
     down, up = -math.pi / 2, math.pi / 2
     lower = [(0.0, -half, down), (bottom, -half, down), (bottom, -half, slope)]
-    return _revolve([*lower, (top, half, slope), (top, half, up), (0.0, half, up)])
+    return _revolve([*lower, (top, half, slope), (top, half, up), (0.0, half, up)], _CYLINDER)
 
 
 def capsule(bottom: float, top: float, height: float) -> _Shape:
@@ -46,26 +67,27 @@ def capsule(bottom: float, top: float, height: float) -> _Shape:
     cosine, half = math.cos(slope), height / 2
     if cosine < 1e-9:  # a disk
         return frustum(bottom, top, height)
-    steps = _SLICES // 2
+    steps = _SPHERE.slices // 2
     lower = np.linspace(-math.pi / 2, slope, max(2, math.ceil(steps * (slope / math.pi + 0.5))) + 1)
     upper = np.linspace(slope, math.pi / 2, max(2, math.ceil(steps * (0.5 - slope / math.pi))) + 1)
     profile = []
     for radius, end, angles in ((bottom, -half, lower), (top, half, upper[int(height == 0) :])):
-        center = end - radius * math.tan(slope)
-        profile += [(radius / cosine * math.cos(a), center + radius / cosine * math.sin(a), a) for a in angles.tolist()]
+        center, ball = end - radius * math.tan(slope), radius / cosine
+        profile += [(ball * math.cos(a), center + _SPHERE.growth * ball * math.sin(a), a) for a in angles.tolist()]
     profile[0], profile[-1] = (0.0, *profile[0][1:]), (0.0, *profile[-1][1:])  # cos(pi / 2) is not exactly 0
-    return _revolve(profile)
+    return _revolve(profile, _SPHERE)
 
 
-def _revolve(profile: list[tuple[float, float, float]]) -> _Shape:
+def _revolve(profile: list[tuple[float, float, float]], grid: _Grid) -> _Shape:
     """Revolve a profile about z: radii, heights, and elevations of the normals, from bottom to top."""
+    slices, growth = grid
     radius, height, elevation = np.array(profile, dtype=np.float64).T
-    angles = 2 * np.pi * np.arange(_SLICES) / _SLICES
+    angles = 2 * np.pi * np.arange(slices) / slices
     circle = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    rings, normals = np.empty((len(radius), _SLICES, 3)), np.empty((len(radius), _SLICES, 3))
-    rings[..., :2], rings[..., 2] = _GROWTH * radius[:, None, None] * circle, height[:, None]
+    rings, normals = np.empty((len(radius), slices, 3)), np.empty((len(radius), slices, 3))
+    rings[..., :2], rings[..., 2] = growth * radius[:, None, None] * circle, height[:, None]
     normals[..., :2], normals[..., 2] = np.cos(elevation)[:, None, None] * circle, np.sin(elevation)[:, None]
-    index = np.arange(len(radius) * _SLICES).reshape(-1, _SLICES)
+    index = np.arange(len(radius) * slices).reshape(-1, slices)
     after = np.roll(index, -1, axis=1)
     faces = []
     for row in range(len(radius) - 1):
