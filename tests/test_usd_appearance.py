@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Materials, colors, lights and backgrounds of USD stages: rows of the table of docs/scene_files/usd.md."""
+"""Materials and colors of USD stages."""
+
+import warnings
 
 import numpy as np
 import pytest
@@ -130,13 +132,74 @@ def test_metallic_and_roughness_of_separate_images(tmp_path):
     assert material.metallic_roughness_texture.image[0, 0].tolist() == [255, 10, 60]
 
 
+def with_images(surface, files):
+    """Return a textured square with further images, by the names of their shaders."""
+    text = stages.textured("wood.png", surface)
+    for name, file in files.items():
+        shader = f'def Shader "{name}"\n{{\nuniform token info:id = "UsdUVTexture"\nasset inputs:file = @{file}@\n'
+        shader += "float2 inputs:st.connect = </Wood/Coordinates.outputs:result>\n"
+        shader += "float outputs:r\nfloat outputs:b\nfloat3 outputs:rgb\n}\n"
+        text = text[: text.rindex("}")] + shader + "}\n"
+    return text
+
+
+def test_maps_of_normals_occlusion_and_emission(tmp_path):
+    colors = {"wood.png": (200, 100, 50), "n.png": (128, 128, 255), "o.png": (90, 0, 0), "e.png": (10, 20, 30)}
+    for name, color in colors.items():
+        picture(tmp_path / name, color)
+    surface = "normal3f inputs:normal.connect = </Wood/N.outputs:rgb>\n"
+    surface += "float inputs:occlusion.connect = </Wood/O.outputs:r>\n"
+    surface += "color3f inputs:emissiveColor.connect = </Wood/E.outputs:rgb>\n"
+    material = appearance(tmp_path, with_images(surface, {"N": "n.png", "O": "o.png", "E": "e.png"})).materials[0]
+    normal, occlusion, emission = material.normal_texture, material.occlusion_texture, material.emissive_texture
+    assert [item.image[0, 0].tolist() for item in (normal, emission)] == [[128, 128, 255], [10, 20, 30]]
+    assert occlusion.image[0, 0, 0] == 90
+    assert [item.color_space for item in (normal, occlusion, emission)] == ["linear", "linear", "srgb"]
+    assert material.emission == (1, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("usd", "expected"),
+    [("useMetadata", "repeat"), ("black", "clamp"), ("clamp", "clamp"), ("repeat", "repeat"), ("mirror", "mirror")],
+)
+def test_wrap_modes(tmp_path, usd, expected):
+    picture(tmp_path / "wood.png", (200, 100, 50))
+    found = appearance(tmp_path, stages.textured("wood.png", "", f'token inputs:wrapT = "{usd}"')).materials[0].texture
+    assert (found.wrap_u, found.wrap_v) == ("repeat", expected)
+
+
+def test_other_inputs_of_surfaces_are_ignored(tmp_path):
+    surface = "color3f inputs:diffuseColor = (0.1, 0.2, 0.3)\n"
+    more = "float inputs:ior = 2\nfloat inputs:clearcoat = 1\nfloat inputs:clearcoatRoughness = 0.5\n"
+    more += (
+        "float inputs:displacement = 1\nint inputs:useSpecularWorkflow = 1\ncolor3f inputs:specularColor = (1, 0, 0)\n"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        first, second = (appearance(tmp_path, plain(text)).materials[0] for text in (surface, surface + more))
+    assert str(first) == str(second)
+
+
 def test_missing_textures_use_their_fallback(tmp_path):
     text = stages.textured("none.png", "", "float4 inputs:fallback = (0.3, 0.2, 0.1, 1)")
     with pytest.warns(UserWarning, match=r"texture 'none.png', which was not found"):
         scene = stages.load(tmp_path, text)
     assert next(iter(scene)).appearance.materials[0].base_color == pytest.approx((0.3, 0.2, 0.1, 1))
-    with pytest.warns(UserWarning, match="UDIM"):
-        stages.load(tmp_path, stages.textured("wood.<UDIM>.png"))
+
+
+@pytest.mark.parametrize("tiles", ["<UDIM>", "<UVTILE>"])
+def test_textures_of_tiles_are_left_out(tmp_path, tiles):
+    """The warning names the material and a tool; the tiles are not read, also if they exist."""
+    folder = "textures_of_the_living_room_in_4k"
+    (tmp_path / folder).mkdir()
+    picture(tmp_path / folder / "wood.1001.png", (200, 100, 50))
+    text = stages.textured(f"{folder}/wood.{tiles}.png").replace("Wood", "Wood_of_the_large_cupboard_door")
+    message = f"not read: UDIM texture '{folder}/wood.{tiles}.png' of material </Wood_of_the_large_cupboard_door>, "
+    message += "which Blender can bake into one image"
+    with pytest.warns(UserWarning, match=message):
+        scene = stages.load(tmp_path, text)
+    (item,) = scene
+    assert item.appearance.materials[0].texture is None
 
 
 def test_subsets_have_materials(tmp_path):
@@ -232,102 +295,16 @@ def test_mdl_materials_have_their_constant_color(tmp_path):
     assert textured.materials[0].texture.image[0, 0].tolist() == [200, 100, 50]
 
 
-def test_materialx_surfaces_have_their_constant_color(tmp_path):
-    text = plain("color3f inputs:base_color = (0.1, 0.2, 0.3)", "ND_standard_surface_surfaceshader")
+def test_materials_of_renderers_have_their_constant_color(tmp_path):
+    """The surface of a renderer's own context, without one for all renderers."""
+    text = plain("color3f inputs:diffuseColor = (0.1, 0.2, 0.3)", "PxrDisney")
+    text = text.replace("token outputs:surface.connect", "token outputs:ri:surface.connect")
     assert appearance(tmp_path, text).materials[0].base_color == pytest.approx((0.1, 0.2, 0.3, 1))
 
 
-def lit(folder, text, header=stages.METERS):
-    path = stages.write(folder, text + stages.mesh("a"), header=header)
-    return wv.Scene.load(path).lights
-
-
-def test_distant_lights(tmp_path):
-    text = 'def DistantLight "sun"\n{\n    float inputs:angle = 2\n    color3f inputs:color = (1, 0.5, 0)\n'
-    text += '    float xformOp:rotateX = 90\n    uniform token[] xformOpOrder = ["xformOp:rotateX"]\n}\n'
-    (light,) = lit(tmp_path, text)
-    assert light.kind == "directional" and light.color == (1, 0.5, 0)
-    np.testing.assert_allclose(light.direction, (0, 1, 0), atol=1e-6)
-    assert light.radius == pytest.approx(np.pi / 180)
-    assert light.intensity == pytest.approx(np.pi)  # a white surface that faces it is white
-
-
-def test_color_temperatures(tmp_path):
-    text = 'def DistantLight "sun"\n{\n    bool inputs:enableColorTemperature = 1\n'
-    (light,) = lit(tmp_path, text + "    float inputs:colorTemperature = 3000\n}\n")
-    red, green, blue = light.color
-    assert red > green > blue
-
-
-def test_ratios_of_lights_are_physical(tmp_path):
-    """A disk of 1 m2 and 100 nt at 10 m gives as much light as a distant light of its solid angle."""
-    radius = np.sqrt(1 / np.pi)
-    angle = 2 * np.degrees(np.arcsin(radius / 10))
-    place = (
-        "    double3 xformOp:translate = (0, 0, 10)\n" + '    uniform token[] xformOpOrder = ["xformOp:translate"]\n'
-    )
-    text = f'def DistantLight "sun"\n{{\n    float inputs:angle = {angle}\n    float inputs:intensity = 100\n}}\n'
-    for kind, size in (
-        ("DiskLight", f"radius = {radius}"),
-        ("RectLight", "width = 1\n    float inputs:height = 1"),
-        ("SphereLight", f"radius = {radius}"),
-    ):
-        text += f'def {kind} "{kind}"\n{{\n    float inputs:intensity = 25\n    float inputs:exposure = 2\n'
-        text += f"    float inputs:{size}\n{place}}}\n"
-    sun, *others = lit(tmp_path, text)
-    for light in others:
-        assert light.intensity * float(light.strength((0, 0, 0))) == pytest.approx(sun.intensity, rel=2e-3)
-    assert [light.kind for light in others] == ["spot", "spot", "point"]
-
-
-def test_normalized_lights_do_not_depend_on_their_size(tmp_path):
-    text = "".join(
-        f'def SphereLight "l{number}"\n{{\n    float inputs:radius = {radius}\n    bool inputs:normalize = 1\n'
-        f"    double3 xformOp:translate = ({number}, 0, 5)\n"
-        '    uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
-        for number, radius in enumerate((0.1, 0.4))
-    )
-    first, second = lit(tmp_path, text)
-    assert first.intensity == pytest.approx(second.intensity)
-    assert (first.radius, second.radius) == pytest.approx((0.1, 0.4))
-
-
-def test_shaped_lights_are_spots_in_meters(tmp_path):
-    text = 'def SphereLight "lamp" (prepend apiSchemas = ["ShapingAPI"])\n{\n    float inputs:shaping:cone:angle = 30\n'
-    text += "    float inputs:shaping:cone:softness = 0.5\n    double3 xformOp:translate = (0, 200, 0)\n"
-    text += '    uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
-    (light,) = lit(tmp_path, text, '#usda 1.0\n(\n    metersPerUnit = 0.01\n    upAxis = "Y"\n)\n')
-    assert light.kind == "spot"
-    np.testing.assert_allclose(light.position, (0, 0, 2), atol=1e-6)
-    assert np.degrees((light.inner_angle, light.outer_angle)) == pytest.approx((15, 30))
-
-
-def test_domes_are_ambient_light_and_background(tmp_path):
-    (light,) = lit(tmp_path, 'def DomeLight "sky"\n{\n    color3f inputs:color = (0.5, 1, 1)\n}\n')
-    assert light.kind == "ambient" and light.ambient == (0.5, 1, 1)
-    image = np.zeros((4, 8, 3), np.uint8)
-    image[:2] = (0, 0, 255)  # the upper half
-    image[:, 4:5] = (255, 0, 0)  # right of the center
-    Image.fromarray(image).save(tmp_path / "sky.png")
-    text = 'def DomeLight "sky"\n{\n    asset inputs:texture:file = @sky.png@\n}\n'
-    path = stages.write(tmp_path, text + stages.mesh("a"), header='#usda 1.0\n(\n    upAxis = "Y"\n)\n')
-    background = wv.Scene.load(path, up="y").background
-    rows = np.array(background.world_to_cube)
-    np.testing.assert_allclose(rows @ (0, 0, 1), (1, 0, 0), atol=1e-9)  # the center of the image is +z of the dome
-    np.testing.assert_allclose(rows @ (0, 1, 0), (0, 0, 1), atol=1e-9)
-    np.testing.assert_allclose(rows @ (1, 0, 0), (0, 1, 0), atol=1e-9)  # +x is left of the center
-    with pytest.warns(UserWarning, match=r"texture 'no.hdr' was not found"):
-        lit(tmp_path, text.replace("sky.png", "no.hdr"))
-
-
-def test_stages_without_lights_have_a_headlight(tmp_path):
-    (light,) = lit(tmp_path, "")
-    assert light.kind == "headlight"
-
-
-def test_other_lights_are_listed(tmp_path):
-    with pytest.warns(UserWarning, match="PortalLight </window>"):
-        lit(tmp_path, 'def PortalLight "window" {}\n')
+def test_materialx_surfaces_have_their_constant_color(tmp_path):
+    text = plain("color3f inputs:base_color = (0.1, 0.2, 0.3)", "ND_standard_surface_surfaceshader")
+    assert appearance(tmp_path, text).materials[0].base_color == pytest.approx((0.1, 0.2, 0.3, 1))
 
 
 def test_colors_are_rendered(tmp_path):

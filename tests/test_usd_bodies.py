@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rigid bodies and joints of UsdPhysics, and cameras of USD stages."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -133,6 +135,38 @@ def test_unsupported_joints_are_listed(tmp_path, case):
         stages.load(tmp_path, body)
 
 
+def test_bodies_of_unsupported_joints_float(tmp_path):
+    text = "".join(f'def Xform "{name}" {BODY} {{\n{stages.mesh("m")}}}\n' for name in "ab")
+    text += 'def PhysicsSphericalJoint "ball" {\n    rel physics:body1 = </a>\n}\n'
+    text += 'def PhysicsDistanceJoint "rope" {\n    rel physics:body0 = </a>\n    rel physics:body1 = </b>\n}\n'
+    with pytest.warns(
+        UserWarning, match=r"joint </ball> \(a SphericalJoint is.*joint </rope> \(a DistanceJoint is not"
+    ):
+        joints = stages.load(tmp_path, text, movable=True).joints
+    assert [(joint.name, joint.kind) for joint in joints] == [("/a", "floating"), ("/b", "floating")]
+
+
+def test_loops_outside_of_articulations_are_left_out_without_a_warning(tmp_path):
+    text = f'def Xform "a" {BODY} {{\n{stages.mesh("m")}}}\n'
+    text += 'def PhysicsRevoluteJoint "j" {\n    rel physics:body1 = </a>\n}\n'
+    text += 'def PhysicsFixedJoint "k" {\n    rel physics:body1 = </a>\n'
+    text += "    uniform bool physics:excludeFromArticulation = 1\n}\n"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        joints = stages.load(tmp_path, text).joints
+    assert [joint.name for joint in joints] == ["j"]
+
+
+def test_generic_joints_without_a_free_axis_are_fixed(tmp_path):
+    locked = "\n".join(
+        f"    float limit:{name}:physics:low = 1\n    float limit:{name}:physics:high = -1"
+        for name in ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
+    )
+    text = f'def Xform "a" {BODY} {{\n{stages.mesh("m")}}}\n'
+    text += f'def PhysicsJoint "j"\n{{\n    rel physics:body1 = </a>\n{locked}\n}}\n'
+    assert stages.load(tmp_path, text).joints["j"].kind == "fixed"
+
+
 def test_disabled_bodies_and_joints_are_static(tmp_path):
     text = f'def Xform "a" {BODY} {{\n    bool physics:rigidBodyEnabled = 0\n{stages.mesh("m")}}}\n'
     with pytest.raises(wv.errors.SceneError, match="it defines no moving objects"):
@@ -213,6 +247,17 @@ def test_cameras_equal_those_of_usd(tmp_path):
     v = camera.fy * points[:, 1] / points[:, 2] + camera.cy
     np.testing.assert_allclose(u, (clip[:, 0] + 1) / 2 * 600, atol=1e-3)
     np.testing.assert_allclose(v, (1 - clip[:, 1]) / 2 * 400, atol=1e-3)
+
+
+def test_lenses_of_cameras_are_ignored(tmp_path):
+    lens = (
+        'token cameraProjectionType = "fisheyePolynomial"\n        float fthetaWidth = 999\n        float focalLength'
+    )
+    plain, fisheye = (
+        read_scene_cameras(stages.write(tmp_path, text, header=CENTIMETERS), width=60)["/rig/eye"].camera
+        for text in (CAMERA, CAMERA.replace("float focalLength", lens))
+    )
+    assert fisheye == plain
 
 
 def test_cameras_see_the_loaded_scene(tmp_path):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rows of the table of docs/scene_files/usd.md; bounds are compared with those of usd-core."""
+"""Shapes, transforms and composition of USD stages; bounds are compared with those of usd-core."""
 
 import numpy as np
 import pytest
@@ -10,22 +10,10 @@ import warpvis as wv
 from warpvis.errors import FileFormatError, SceneError
 
 from support import usd_stages as stages
+from support.usd_stages import bounds, usd_bounds
 
 pytest.importorskip("pxr")
-from pxr import Sdf, Usd, UsdGeom, UsdSemantics, UsdUtils
-
-
-def usd_bounds(path):
-    """Return the bounds of a stage in usd-core."""
-    stage = Usd.Stage.Open(str(path))
-    cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), ["default", "render"])
-    box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
-    return np.array([box.GetMin(), box.GetMax()])
-
-
-def bounds(scene):
-    vertices = np.concatenate([item.vertices[np.unique(item.faces)] for item in scene])
-    return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+from pxr import Sdf, Usd, UsdSemantics, UsdUtils
 
 
 def names(scene):

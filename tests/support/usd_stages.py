@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 import warpvis as wv
 
 METERS = '#usda 1.0\n(\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
@@ -40,6 +42,29 @@ def write(folder: Path, text: str, name: str = "stage.usda", header: str = METER
 def load(folder: Path, text: str, **options: object) -> wv.Scene:
     """Write and load a stage in meters with z up."""
     return wv.Scene.load(write(folder, text), **options)
+
+
+def placed(name: str, *ops: tuple[str, str, str], inner: str) -> str:
+    """Return the text of an Xform with operations: triples of a type, a name and a value."""
+    lines = "".join(f"    {kind} xformOp:{op} = {value}\n" for kind, op, value in ops)
+    order = ", ".join(f'"xformOp:{op}"' for _, op, _ in ops)
+    return f'def Xform "{name}"\n{{\n{lines}    uniform token[] xformOpOrder = [{order}]\n{inner}}}\n'
+
+
+def usd_bounds(path: Path) -> np.ndarray:
+    """Return the bounds of a stage in usd-core, ``(2, 3)``."""
+    from pxr import Usd, UsdGeom
+
+    stage = Usd.Stage.Open(str(path))
+    cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), ["default", "render"])
+    box = cache.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
+    return np.array([box.GetMin(), box.GetMax()])
+
+
+def bounds(scene: wv.Scene) -> np.ndarray:
+    """Return the bounds of a scene's triangles, ``(2, 3)``."""
+    vertices = np.concatenate([item.vertices[np.unique(item.faces)] for item in scene])
+    return np.array([vertices.min(axis=0), vertices.max(axis=0)])
 
 
 def textured(image: str, surface: str = "", texture: str = "", uv: str = "st") -> str:

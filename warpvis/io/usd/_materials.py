@@ -236,7 +236,7 @@ def _texture(shader: Any, output: str, time: Any, found: MaterialSource) -> Text
         return None
     path, name = str(source.resolvedPath), str(source.path)
     if "<UDIM>" in name or "<UVTILE>" in name:
-        found.notes.append(f"texture {name!r}, whose tiles are several files (UDIM)")
+        found.notes.append(f"UDIM texture {name!r} of material <{found.name}>, which Blender can bake into one image")
         path = ""
     elif not path:
         found.notes.append(f"texture {name!r}, which was not found")

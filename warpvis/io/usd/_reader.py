@@ -31,6 +31,8 @@ from warpvis.scene.lights import HEADLIGHT
 from warpvis.scene.solids import Solid
 
 _MAX_NAMED = 5
+_MAX_LENGTH = 200
+"""Maximum length of what a message names [characters]."""
 _MAX_CORNERS = 100_000_000
 """Maximum number of corners of all copies of a mesh, one for each size."""
 
@@ -284,4 +286,5 @@ def _grouped(parts: list[Part]) -> list[Part]:
 def _listed(items: Sequence[str]) -> str:
     """Return the first items of a list in words, and the number of others."""
     more = len(items) - _MAX_NAMED
-    return ", ".join(map(truncate, items[:_MAX_NAMED])) + (f", and {pluralize(more, 'other')}" if more > 0 else "")
+    named = ", ".join(truncate(item, _MAX_LENGTH) for item in items[:_MAX_NAMED])
+    return named + (f", and {pluralize(more, 'other')}" if more > 0 else "")
