@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import trimesh
+from numpy.lib.recfunctions import repack_fields
 from plyfile import PlyData, PlyElement
 
 FLOOR = trimesh.creation.box((4.0, 3.0, 0.1))
@@ -25,8 +26,8 @@ def joined():
     return np.concatenate([mesh.vertices for mesh in MESHES]), faces, of_vertices, of_faces
 
 
-def write_ply(path, *, vertex=(), face=(), faces=None, text=False, order="<"):
-    """Write the scan by plyfile, with colors and more properties ``{name: (type, values)}``."""
+def write_ply(path, *, vertex=(), face=(), faces=None, text=False, order="<", colors=True):
+    """Write the scan by plyfile, by default with colors, and more properties ``{name: (type, values)}``."""
     vertices, triangles, of_vertices, _ = joined()
     polygons = triangles if faces is None else faces
     vertex, face = dict(vertex), dict(face)
@@ -37,6 +38,7 @@ def write_ply(path, *, vertex=(), face=(), faces=None, text=False, order="<"):
     for channel, name in enumerate(("red", "green", "blue")):
         rows[name] = COLORS[of_vertices, channel]
     rows["alpha"] = 255
+    rows = rows if colors else repack_fields(rows[list("xyz")])
     for name, (_, values) in vertex.items():
         rows[name] = values
     corners = (
