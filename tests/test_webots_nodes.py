@@ -67,6 +67,7 @@ def test_nodes_that_are_not_read(tmp_path, text):
     "text",
     [
         *("TransmissionJoint { }", 'Skin { modelUrl "a.fbx" }', "VisualShape { }", 'ColladaShapes { url "a.dae" }'),
+        'ColladaShape { url "a.dae" }',
         *("JointLink { }", "Brake { }", "LinearMotor { }", "PositionSensor { }", "RotationalMotor { }", "HMD { }"),
     ],
 )
@@ -162,10 +163,42 @@ def test_geometry(tmp_path, kind):
     assert names(world) == ["solid"] and len(world.scene["solid"].faces) and not warned
 
 
-def test_cad_shapes(tmp_path):
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    world, warned = load(tmp_path, 'Solid { children [ CadShape { url "a.obj" } ] }')
+@pytest.mark.parametrize("kind", ["Mesh", "CadShape"])
+def test_meshes_of_files_have_no_colors(tmp_path, kind):
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n")
+    (tmp_path / "a.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    node = f'{kind} {{ url "a.obj" }}'
+    node = node if kind == "CadShape" else f"Shape {{ geometry {node} }}"
+    world, warned = load(tmp_path, f"Solid {{ children [ {node} ] }}")
     assert names(world) == ["solid"] and not warned
+    shown = world.scene["solid"].appearance
+    assert shown is None or {material.base_color[:3] for material in shown.materials} == {(1, 1, 1)}
+
+
+def test_colors_and_normals_of_faces_are_not_read(tmp_path):
+    coordinates = "coord Coordinate { point [ 0 0 0 1 0 0 0 1 0 ] } coordIndex [ 0 1 2 ]"
+    more = (
+        "color Color { color [ 1 0 0 ] } colorPerVertex FALSE normal Normal { vector [ 1 0 0 ] } normalIndex [ 0 0 0 ]"
+    )
+    shape = "Solid { children [ Shape { appearance PBRAppearance { } geometry IndexedFaceSet { %s } } ] }"
+    plain, changed = (load(tmp_path, shape % text) for text in (coordinates, f"{coordinates} {more}"))
+    assert not plain[1] and not changed[1]
+    first, second = (world.scene["solid"].appearance for world, _ in (plain, changed))
+    assert first.normals is None and second.normals is None
+    assert (
+        first.materials[0].base_color == second.materials[0].base_color
+        and second.vertex_colors is None
+        and second.face_colors is None
+    )
+
+
+def test_flags_of_shapes_are_not_read(tmp_path):
+    shape = (
+        "Solid { translation 0 0 1 children [ Shape { castShadows %s isPickable %s geometry Box { size 1 1 1 } } ] }"
+    )
+    both = [load(tmp_path, shape % (flag, flag))[0].scene for flag in ("TRUE", "FALSE")]
+    assert [item.name for item in both[0]] == [item.name for item in both[1]]
+    assert (both[0]["solid"].vertices == both[1]["solid"].vertices).all()
 
 
 def test_appearances(tmp_path):

@@ -8,26 +8,22 @@ import ast
 import re
 from collections.abc import Mapping
 from functools import cache
+from itertools import dropwhile, takewhile
 from pathlib import Path
 
 _TESTS = Path(__file__).parents[1]
-_PAGES = _TESTS.parent / "docs" / "scene_files"
+_DOCS = _TESTS.parent / "docs"
 _CELLS = re.compile(r"(?<!\\)\|")
 
 
 def table_rows(page: str, heading: str = "How each element is read") -> list[str]:
-    """Return the first cells of the first table below a heading of a page of docs/scene_files."""
-    text = (_PAGES / page).read_text(encoding="utf-8")
-    lines = iter(text.split(f"## {heading}\n", 1)[1].lstrip().splitlines())
-    table = [line for line in _until_blank(lines) if line.startswith("|")]
+    """Return the first cells of the first table below a heading of a page of docs/scene_files or docs."""
+    path = _DOCS / "scene_files" / page
+    text = (path if path.is_file() else _DOCS / page).read_text(encoding="utf-8")
+    section = text.split(f"\n## {heading}\n", 1)[1].split("\n## ", 1)[0]
+    lines = dropwhile(lambda line: not line.startswith("|"), section.splitlines())
+    table = list(takewhile(lambda line: line.startswith("|"), lines))
     return [_CELLS.split(line)[1].strip() for line in table[2:]]
-
-
-def _until_blank(lines):
-    for line in lines:
-        if not line.strip():
-            return
-        yield line
 
 
 @cache
@@ -36,15 +32,16 @@ def _test_names(module: str) -> frozenset[str]:
     return frozenset(node.name for node in tree.body if isinstance(node, ast.FunctionDef))
 
 
-def check_rows(page: str, tests: Mapping[str, str]) -> None:
+def check_rows(page: str, tests: Mapping[str, str], heading: str = "How each element is read") -> None:
     """Check that each row of a page's table has tests, and that these exist.
 
     Args:
         page: File name of the page.
         tests: Tests by the first cell of their row: ``"test_module::test_a, test_b"``, several modules separated by
             semicolons.
+        heading: Heading of the section of the table.
     """
-    rows = table_rows(page)
+    rows = table_rows(page, heading)
     assert len(set(rows)) == len(rows), "two rows have the same first cell"
     assert [row for row in rows if row not in tests] == [], f"rows of {page} without a test"
     assert [row for row in tests if row not in rows] == [], f"tests of rows that {page} does not have"
