@@ -19,6 +19,8 @@ class FakeOptions:
     shortcut: str = ""
     """``"distance"``: only near mugs are seen; ``"text"``: Anna sees everything, others nothing."""
     moments: int = 1
+    single: int = 0
+    """Number of situations of a room, from the first on, with one moment only."""
     per_shard: int = 10
     far: float = 4.0
     limit: float = np.inf
@@ -63,8 +65,9 @@ class FakeGenerator:
             ),
         )  # fmt: skip
         images = {}
-        for time in range(options.moments):
-            end = f"/{time}" if options.moments > 1 else ""
+        moments = 1 if index < options.single else options.moments
+        for time in range(moments):
+            end = f"/{time}" if moments > 1 else ""
             images[f"camera/color{end}"] = random.integers(0, 255, (6, 8, 3), dtype=np.uint8)
             depth = random.uniform(0.5, options.far, (6, 8)).astype(np.float32)
             depth[0, 0] = np.inf
@@ -77,7 +80,7 @@ class FakeGenerator:
             f"{number:05d}-{index:04d}",
             {"seed": number, "kind": "office" if number % 2 else "kitchen"},
             {"pose": [0, 0, 0, 0, 0, 0, 1], "width": 8, "height": 6},
-            tuple(Moment(things, (person,), 0.5 * time) for time in range(options.moments)),
+            tuple(Moment(things, (person,), 0.5 * time) for time in range(moments)),
             (Sight(name, "mug_0", 0, 0.8 if seen else 0.1, 0.01, state, () if seen else (("box", 0.9),), 1.5, None),),
             questions,
             twin=f"{number:05d}-{twin:04d}" if twin < options.per_shard else None,

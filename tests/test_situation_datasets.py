@@ -15,7 +15,9 @@ from situation_jobs import FakeGenerator, FakeOptions
 import warpvis as wv
 from warpvis.batch import open_dataset, verify
 from warpvis.batch.situations import generate_situations, open_situations
+from warpvis.batch.situations._base import make_row
 from warpvis.batch.situations._job import choose_situations
+from warpvis.batch.situations._pictures import picture_files
 
 pytest.importorskip("sklearn")
 pytest.importorskip("pyarrow")
@@ -159,6 +161,35 @@ def test_datasets_reads_the_folder(tmp_path, whole, monkeypatch, name):
         if name != "webdataset":
             depth = np.asarray(row["views"][row["view_names"].index("camera/depth")])
             np.testing.assert_allclose(depth[1:], 1000 * situation.images["camera/depth"][1:], atol=0.51)
+
+
+@pytest.mark.parametrize("single", [2, 6])
+def test_datasets_reads_different_numbers_of_moments(tmp_path, monkeypatch, single):
+    """`datasets` infers columns from five samples, unless the card contains them."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("datasets")
+    options = FakeOptions(moments=2, single=single)
+    generate(tmp_path / "out", options, count=20, format="webdataset")
+    cache = str(tmp_path / "cache")
+    loaded = list(datasets.load_dataset(str(tmp_path / "out"), split="train", cache_dir=cache))
+    assert (
+        list(datasets.load_dataset(str(tmp_path / "out"), split="train", streaming=True))[3]["json"]
+        == loaded[3]["json"]
+    )
+    for row, situation in zip(loaded, expected(2, moments=2, single=single), strict=True):
+        assert row["__key__"] == situation.name
+        assert row["json"] == make_row(situation, picture_files(situation))
+        assert (row["camera.color.1.png"] is None) == (len(situation.moments) == 1)
+        for key, (file, _) in picture_files(situation).items():
+            image = situation.images[key]
+            if "masks" in key:
+                np.testing.assert_array_equal(row[file]["image"], image)
+            elif "color" in key:
+                np.testing.assert_array_equal(np.asarray(row[file]), image)
+            elif "depth" in key:
+                np.testing.assert_allclose(np.asarray(row[file]).ravel()[1:], 1000 * image.ravel()[1:], atol=0.51)
+            else:
+                np.testing.assert_array_equal(np.asarray(row[file]).astype(np.int32) - 1, image)
 
 
 def test_lerobot_dataset(tmp_path, whole, monkeypatch):

@@ -78,6 +78,10 @@ class SituationFormat:
     def finish(self, store: Store, records: Sequence[Record]) -> None:
         """Complete the files of shards, when the records of all shards are known."""
 
+    def columns(self, store: Store) -> list[dict[str, Json]]:
+        """Return the columns of the dataset for its card, as `datasets` writes them; empty if the files define them."""
+        return []
+
     def index(self, files: ShardFiles, store: Store) -> list[str]:
         """Write files for the whole dataset after all shards, and return their units."""
         return []

@@ -18,6 +18,7 @@ from warpvis.batch.situations._base import SituationFormat, with_margins
 from warpvis.batch.situations._pictures import MEANING
 from warpvis.batch.situations._stored import StoredShards
 from warpvis.core.checks import format_percent, pluralize
+from warpvis.core.types import Json
 from warpvis.situations import Shortcut, ShortcutReport, Situation, find_shortcuts
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ def write_datasheet(
     command: str | None,
     threshold: float,
     *,
+    columns: Sequence[Mapping[str, Json]],
     bytes: int,
 ) -> Composition:
     """Count a dataset's contents, test it for shortcuts, and write ``README.md``."""
@@ -81,14 +83,16 @@ def write_datasheet(
             yield Situation.from_dict(record)
 
     found.shortcuts = find_shortcuts(counted(), threshold=threshold)
-    parts = [_card(found, manifest, layout), _summary(found, bytes), _composition(found), _LABELS]
+    parts = [_card(found, manifest, layout, columns), _summary(found, bytes), _composition(found), _LABELS]
     parts += [_margins(found), f"## Files\n\n{layout.description}\n\n{MEANING}\n", _FIELDS, _USES]
     parts += [_shortcuts(found.shortcuts), _regenerate(manifest, job, command)]
     files.write_text("README.md", "\n".join(parts))
     return found
 
 
-def _card(found: Composition, manifest: Manifest, layout: SituationFormat) -> str:
+def _card(
+    found: Composition, manifest: Manifest, layout: SituationFormat, columns: Sequence[Mapping[str, Json]]
+) -> str:
     """Return the metadata of a dataset card, in YAML."""
     size = next((name for limit, name in _SIZES if found.situations < limit), "n>1M")
     lines = ["---"]
@@ -97,8 +101,10 @@ def _card(found: Composition, manifest: Manifest, layout: SituationFormat) -> st
     lines += ["task_categories:", "- visual-question-answering", "language:", "- en", "tags:", "- synthetic"]
     lines += ["- perspective-taking", "- visibility", "- warpvis", "size_categories:", f"- {json.dumps(size)}"]
     lines += ["configs:", "- config_name: default", "  data_files:"]
-    lines += [f"  - split: {layout.card['split']}", f"    path: {json.dumps(layout.card['path'])}", "---"]
-    return "\n".join(lines) + "\n"
+    lines += [f"  - split: {layout.card['split']}", f"    path: {json.dumps(layout.card['path'])}"]
+    if columns:  # JSON is YAML
+        lines += ["dataset_info:", "  features:", *(f"  - {json.dumps(column)}" for column in columns)]
+    return "\n".join([*lines, "---"]) + "\n"
 
 
 def _summary(found: Composition, size: int) -> str:

@@ -204,7 +204,15 @@ class SituationFolder(JobFolder):
             return None
         with self._store.new_files() as files:
             report = write_datasheet(
-                files, shards, self._manifest, self._layout, self._job, command, threshold, bytes=self.bytes
+                files,
+                shards,
+                self._manifest,
+                self._layout,
+                self._job,
+                command,
+                threshold,
+                columns=self._layout.columns(self._store),
+                bytes=self.bytes,
             )
             if not allow_shortcuts:
                 report.shortcuts.require_none()

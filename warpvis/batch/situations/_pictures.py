@@ -33,15 +33,16 @@ def picture_files(situation: Situation) -> dict[str, tuple[str, bytes]]:
 
     Returns:
         For each key of `Situation.images`, sorted: the end of a file name and the contents. Views of participants are
-        ``agent0``, ``agent1``, ... in the order of the participants, so that names are equal in all situations:
-        ``"agent0.color.png"``, and of several moments ``"agent0.color.1.png"``.
+        ``agent0``, ``agent1``, ... in the order of the participants, and the first moment has no number, so that names
+        are equal in all situations: ``"agent0.color.png"``, and of a second moment ``"agent0.color.1.png"``.
     """
     views = {agent.name: f"agent{place}" for place, agent in enumerate(situation.moments[0].participants)}
     files = {}
     for key in sorted(situation.images):
-        view, *output = key.split("/")
-        suffix, data = _encode(output[0], np.asarray(situation.images[key]))
-        files[key] = ".".join((views.get(view, view), *output, suffix)), data
+        view, output, *moment = key.split("/")
+        suffix, data = _encode(output, np.asarray(situation.images[key]))
+        number = [] if moment == ["0"] else moment
+        files[key] = ".".join((views.get(view, view), output, *number, suffix)), data
     return files
 
 

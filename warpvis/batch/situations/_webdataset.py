@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from warpvis.batch._job import shard_name
 from warpvis.batch.situations._base import Files, SituationFormat, Stored, make_row
+from warpvis.batch.situations._pictures import decode_picture
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
@@ -20,6 +21,39 @@ from warpvis.situations import Situation
 if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
     from warpvis.batch.storage._stores import Store
+
+
+_TEXT: dict[str, Json] = {"dtype": "string"}
+_NUMBER: dict[str, Json] = {"dtype": "float64"}
+_TEXTS: dict[str, Json] = {"list": "string"}
+
+
+def _fields(**kinds: Mapping[str, Json]) -> list[Json]:
+    """Return the fields of a structure as `datasets` writes them in a card."""
+    return [{"name": name, **kind} for name, kind in kinds.items()]
+
+
+_QUESTION = _fields(
+    kind=_TEXT,
+    text=_TEXT,
+    paraphrases=_TEXTS,
+    choices=_TEXTS,
+    answer=_TEXT,
+    reason=_TEXT,
+    about=_TEXTS,
+    margin=_NUMBER,
+    unit=_TEXT,
+)
+_SIGHT = _fields(agent=_TEXT, thing=_TEXT, time={"dtype": "int32"}, fraction=_NUMBER, error=_NUMBER, state=_TEXT)
+_JSON = _fields(
+    name=_TEXT,
+    twin=_TEXT,
+    questions={"list": _QUESTION},
+    sights={"list": _SIGHT},
+    files={"list": _fields(image=_TEXT, file=_TEXT)},
+    record=_TEXT,
+)
+"""Fields of `make_row`."""
 
 
 class Webdataset(SituationFormat):
@@ -43,6 +77,23 @@ class Webdataset(SituationFormat):
                 for file, data in encoded.values():
                     _add(archive, f"{situation.name}.{file}", data)
         return [name]
+
+    def columns(self, store: Store) -> list[dict[str, Json]]:
+        """Return the columns of all samples.
+
+        Without them, `datasets` takes those of the first five samples. It then refuses samples with other numbers of
+        moments or participants, or drops their pictures.
+        """
+        pictures: dict[str, dict[str, Json]] = {}
+        for shard in range(self.shards):
+            with store.open(_file_name(shard)) as stream, tarfile.open(fileobj=stream, mode="r:") as archive:
+                for member in archive:
+                    field = member.name.partition(".")[2]
+                    source = None if field == "json" or field in pictures else archive.extractfile(member)
+                    if source is not None:
+                        pictures[field] = _picture_kind(field, source.read())
+        columns = {"json": {"struct": _JSON}} | dict(sorted(pictures.items())) | {"__key__": _TEXT, "__url__": _TEXT}
+        return [{"name": name, **kind} for name, kind in columns.items()]
 
     def read_shard(self, store: Store, shard: int, *, images: bool) -> list[Stored]:
         name = _file_name(shard)
@@ -69,6 +120,17 @@ class Webdataset(SituationFormat):
             raise FileFormatError(f"{store.name}: {name} is missing") from None
         except (tarfile.TarError, ValueError, KeyError, TypeError, EOFError) as error:
             raise FileFormatError(f"{store.name}: {name} is damaged: {describe_exception(error)}") from None
+
+
+def _picture_kind(file: str, data: bytes) -> dict[str, Json]:
+    """Return the type of a picture's column: an image, or the nested lists that `datasets` makes of an array."""
+    if not file.endswith(".npz"):
+        return {"dtype": "image"}
+    image = decode_picture(file, file, data)
+    kind: Json = image.dtype.name
+    for _ in range(image.ndim - 1):
+        kind = {"list": kind}
+    return {"struct": [{"name": "image", "list": kind}]}
 
 
 def _file_name(shard: int) -> str:
