@@ -163,7 +163,9 @@ def test_skinned_meshes_have_the_pose_and_shape_of_the_first_frame(tmp_path):
 def test_skinned_meshes_inside_of_instances_have_the_bind_pose(tmp_path):
     text = PERSON.replace('def SkelRoot "person"', 'class SkelRoot "person"')
     text += 'def "copy" (\n    instanceable = true\n    prepend references = </person>\n)\n{\n}\n'
-    found = wv.Scene.load(stages.write(tmp_path, text, header=FRAMES))["/copy/skin"].vertices
+    path = stages.write(tmp_path, text, header=FRAMES)
+    with pytest.warns(UserWarning, match=r"not read: the skeleton of </copy>, whose meshes are in the bind pose"):
+        found = wv.Scene.load(path)["/copy/skin"].vertices
     np.testing.assert_allclose(found, [(0, 0, 0), (1, 0, 0), (0, 1, 0)], atol=1e-6)
 
 

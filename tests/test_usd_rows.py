@@ -33,7 +33,8 @@ TESTS = {
     f"test_invalid_normals_are_replaced_by_those_of_faces; {S}::test_normals_of_the_primvar_come_first",
     "`TetMesh`": f"{S}::test_surfaces_of_tetrahedra_are_those_of_usd",
     "`Cube`, `Sphere`, `Cylinder`, `Cone`, `Capsule`, `Plane`, `Cylinder_1`, `Capsule_1`": f"{E}::"
-    f"test_simple_shapes_have_the_bounds_of_usd; {S}::test_triangles_of_round_shapes_are_close_to_them",
+    f"test_simple_shapes_have_the_bounds_of_usd; {S}::test_triangles_of_round_shapes_are_close_to_them; "
+    "test_usd_solids::test_moving_round_shapes_are_exact, test_other_moving_shapes_are_triangles",
     "curves, points, NURBS patches, volumes, splats": f"{C}::test_prims_without_triangles_are_left_out; "
     f"{E}::test_other_prims_are_listed",
     "instances (`instanceable`)": f"{C}::test_equal_meshes_and_instances_share_mesh_and_appearance; "

@@ -199,12 +199,16 @@ def _with_uniform_pose(part: Part, uniform: bool) -> Part:
 
 
 def in_file_frame(part: Part) -> Part:
-    """Return a part with its vertices in the frame of the file, without a pose, unless it is a solid."""
-    if part.pose is None or isinstance(part.mesh, Solid):
+    """Return a part with its vertices in the frame of the file, without a pose; solids become triangles."""
+    if part.pose is None:
         return part
-    vertices, faces = part.mesh
+    vertices, faces = _triangles(part.mesh)
     appearance = _transformed(part.appearance, poses_to_matrices(part.pose)[:3, :3])
     return replace(part, mesh=(placed_at(vertices, part.pose), faces), pose=None, appearance=appearance)
+
+
+def _triangles(mesh: _Shape) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
+    return (mesh.vertices, mesh.faces) if isinstance(mesh, Solid) else mesh
 
 
 def _rotated(part: Part, upright: NDArray[np.float64] | None) -> Part:
@@ -266,10 +270,10 @@ def instance_runs(parts: Iterable[Part]) -> Iterator[list[Part]]:
 
 def _instance_key(part: Part) -> object:
     """Return a key that is equal for parts that can be instances of one mesh."""
-    if isinstance(part.mesh, Solid) or part.pose is None or part.attach_to is not None:
+    if part.pose is None or part.attach_to is not None:
         return id(part)
-    vertices, faces = part.mesh
-    shared = id(vertices), id(faces), id(part.appearance)
+    arrays = (part.mesh,) if isinstance(part.mesh, Solid) else part.mesh
+    shared = *map(id, arrays), id(part.appearance)
     return *shared, np.shape(part.pose), part.label, part.movable, part.category
 
 

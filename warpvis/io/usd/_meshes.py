@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,6 +15,15 @@ from pxr import UsdGeom
 
 from warpvis.io.usd import _round_shapes as round_shapes
 from warpvis.scene.normals import have_direction
+from warpvis.scene.solids import Solid, SolidKind
+
+Triangles = tuple[NDArray[np.float64], NDArray[np.integer]]
+"""Vertices and faces."""
+
+_MIN_RADIUS = 1e-6
+"""Minimum radius of solids [m]."""
+_MAX_SLENDERNESS = 1e4
+"""Maximum half length of solids, divided by their radius."""
 
 _AXES = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}
 """Columns of x, y and z of a shape about z, in the frame of a shape about each axis."""
@@ -40,6 +49,9 @@ class Geometry:
     """Whether it is the cage of a subdivision surface, which is smooth."""
     key: bytes = b""
     """Equal for geometries with equal arrays."""
+    solid: tuple[SolidKind, float, float] | None = None
+    """The true surface of a round shape about z: its kind, radius and half length in the stage's unit; None for
+    others."""
 
     @property
     def counts(self) -> dict[str, int]:
@@ -59,6 +71,17 @@ class Geometry:
         if interpolation == "uniform":
             return np.repeat(values[self.polygons][:, None], 3, axis=1)
         return np.broadcast_to(values[:1], (len(self.vertices), *values.shape[1:]))
+
+    def scaled_solid(self, factors: NDArray[np.float64], mesh: Triangles) -> Solid | None:
+        """Return the true surface, scaled along its axes, with scaled triangles; None if there is none."""
+        if self.solid is None:
+            return None
+        kind, radius, half_length = self.solid
+        radii = radius * np.abs(factors)
+        if not (np.all(radii >= _MIN_RADIUS) and half_length <= _MAX_SLENDERNESS * radius):
+            return None
+        vertices, faces = mesh
+        return Solid(kind, radii, half_length / radius, vertices, faces.astype(np.int32))
 
 
 def read_geometry(prim: Any, kind: str, time: Any) -> Geometry | None:
@@ -143,13 +166,18 @@ def _simple_shape(kind: str, lengths: tuple[float, ...], axis: str) -> Geometry:
     if kind == "Plane":
         return _simple(_plane(lengths[0], lengths[1], axis))
     if kind == "Sphere":
-        return _simple(round_shapes.capsule(lengths[0], lengths[0], 0.0))
+        found = _simple(round_shapes.capsule(lengths[0], lengths[0], 0.0))
+        return replace(found, solid=(SolidKind.BALL, lengths[0], 0.0))
     height, bottom = lengths[:2]
     top = lengths[-1] if kind != "Cone" else 0.0
     make = round_shapes.capsule if kind.startswith("Capsule") else round_shapes.frustum
     vertices, faces, normals = make(bottom, top, height)
     order = _AXES[axis]
-    return _simple((vertices[:, order], faces, None if normals is None else normals[..., order]))
+    found = _simple((vertices[:, order], faces, None if normals is None else normals[..., order]))
+    if axis != "Z" or bottom != top or not height:
+        return found
+    solid = SolidKind.CAPSULE if kind.startswith("Capsule") else SolidKind.CYLINDER
+    return replace(found, solid=(solid, bottom, height / 2))
 
 
 def _plane(width: float, length: float, axis: str) -> _Shape:

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -21,12 +22,13 @@ from warpvis.io.usd._appearances import Primvar, Surface, needed_primvars
 from warpvis.io.usd._joints import read_joints
 from warpvis.io.usd._lights import read_lights
 from warpvis.io.usd._materials import MaterialSource, read_material
-from warpvis.io.usd._meshes import Geometry, read_geometry
+from warpvis.io.usd._meshes import Geometry, Triangles, read_geometry
 from warpvis.io.usd._open import bake_skins, composition_errors, first_error, open_stage, quiet, stage_time
 from warpvis.io.usd._semantics import category
 from warpvis.io.usd._walk import Place, StageWalk
 from warpvis.scene import Axis, FileParts, Part, keep_winding, move_with_links
 from warpvis.scene.appearances import LazyAppearance
+from warpvis.scene.joints import JointTree
 from warpvis.scene.lights import HEADLIGHT
 from warpvis.scene.solids import Solid
 
@@ -35,8 +37,6 @@ _MAX_LENGTH = 200
 """Maximum length of what a message names [characters]."""
 _MAX_CORNERS = 100_000_000
 """Maximum number of corners of all copies of a mesh, one for each size."""
-
-_Mesh = tuple[NDArray[np.float64], NDArray[np.integer]]
 
 
 def read_stage(path: Path, *, search_path: Sequence[Path], strict: bool) -> FileParts:
@@ -63,7 +63,7 @@ class _Reader:
         self._by_content: dict[bytes, Geometry] = {}
         self._materials: dict[str, MaterialSource] = {}
         self._surfaces: dict[Any, LazyAppearance] = {}
-        self._sized: dict[Any, tuple[_Mesh, NDArray[np.float64]]] = {}
+        self._sized: dict[Any, tuple[Triangles | Solid, NDArray[np.float64]]] = {}
         self._shown: dict[Any, LazyAppearance] = {}
         self._textures: dict[Any, Any] = {}
         self._equal_materials: dict[Any, MaterialSource] = {}
@@ -77,7 +77,7 @@ class _Reader:
         walk = StageWalk(self._stage, self._time)
         bindings = self._bindings(walk.places)
         joints, unjoined = read_joints(walk.joints, walk.bodies, walk.meters)
-        parts = self._parts(walk.places, bindings)
+        parts = self._parts(walk.places, bindings, joints)
         lights, background, unlit = read_lights(walk.lights, walk.meters, self._time, parts)
         missing = composition_errors(self._stage)
         messages = [f"{self._path}: {text}" for text in self._skipped(walk, missing)]
@@ -113,18 +113,25 @@ class _Reader:
             found.append(f"left out prims without triangles ({kinds}); Blender or Houdini can convert them to meshes")
         return found
 
-    def _parts(self, places: Sequence[Place], bindings: dict[str, str]) -> list[Part]:
-        """Return the parts in the file's order; those with equal meshes follow each other."""
+    def _parts(self, places: Sequence[Place], bindings: dict[str, str], joints: JointTree) -> list[Part]:
+        """Return the parts in the file's order; those with equal meshes follow each other.
+
+        Round shapes are solids unless their body has other shapes, since nothing can be attached to solids.
+        """
         shapes = [self._geometry(place) for place in places]
         kept = [(place, shape) for place, shape in zip(places, shapes, strict=True) if shape is not None]
         if not kept:
             return []
         found = split(np.stack([place.matrix for place, _ in kept]))
+        pieces = joints.pieces()
+        counts = Counter(pieces.get(place.body) for place, _ in kept)
         parts = []
         for (place, shape), one in zip(kept, found.one_by_one(), strict=True):
             linear = np.diag(one.factors[0]) if one.fits[0] else place.matrix[:3, :3]
             pose = one.rows[0] if one.fits[0] else np.array([*place.matrix[:3, 3], 0.0, 0.0, 0.0, 1.0])
-            mesh, applied = self._mesh(shape, linear)
+            piece = pieces.get(place.body)
+            is_solid = bool(one.fits[0]) and (piece is None or counts[piece] == 1)
+            mesh, applied = self._mesh(shape, linear, is_solid=is_solid)
             word = category(place.labels)
             words = tuple(label for _, label in place.labels)
             part = Part(
@@ -156,17 +163,22 @@ class _Reader:
             self._geometries[key] = found
         return self._geometries[key]
 
-    def _mesh(self, shape: Geometry, linear: NDArray[np.float64]) -> tuple[_Mesh, NDArray[np.float64]]:
-        """Return the scaled triangles, and the linear map that was applied; equal ones are the same arrays."""
+    def _mesh(
+        self, shape: Geometry, linear: NDArray[np.float64], *, is_solid: bool
+    ) -> tuple[Triangles | Solid, NDArray[np.float64]]:
+        """Return the scaled mesh, a solid if possible, and the linear map that was applied; equal ones are the same."""
+        is_solid = is_solid and shape.solid is not None
         with np.errstate(over="ignore"):
-            key = shape.key, linear.astype(np.float32).tobytes()
+            key = shape.key, linear.astype(np.float32).tobytes(), is_solid
         if key not in self._sized:
             self._corners += len(shape.vertices)
             if self._corners > _MAX_CORNERS:
                 raise ValueError(f"the sizes of its meshes have more than {_MAX_CORNERS} corners in total")
             with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
                 vertices = shape.vertices @ linear.T
-            self._sized[key] = (vertices, keep_winding(shape.faces, linear)), linear
+            mesh = vertices, keep_winding(shape.faces, linear)
+            solid = shape.scaled_solid(np.diag(linear), mesh) if is_solid else None
+            self._sized[key] = solid or mesh, linear
         return self._sized[key]
 
     def _bindings(self, places: Sequence[Place]) -> dict[str, str]:
