@@ -108,6 +108,8 @@ class FileParts:
     """Reads a background that is shown on request only, in the file's frame."""
     joints: JointTree = field(default_factory=JointTree)
     """Its joints, in the file's frame and in meters, if the format defines the unit."""
+    moving_parts: Sequence[Part] | None = None
+    """Its parts if all that the file defines as movable are, where joints split objects; None for `parts`."""
 
     def scene_up(self, up: Axis | None) -> Axis:
         """Return the vertical axis of a scene of these parts: `up` if given."""
@@ -179,9 +181,10 @@ def _with_movable(file: FileParts, movable: bool | Sequence[str]) -> list[Part]:
     if isinstance(movable, str):
         movable = [movable]
     if movable is True:
-        if not any(part.movable for part in file.parts):
+        parts = file.parts if file.moving_parts is None else file.moving_parts
+        if not any(part.movable for part in parts):
             raise SceneError(f"{file.path}: it defines no moving objects; name those that are movable")
-        return list(file.parts)
+        return list(parts)
     patterns = [] if movable is False or movable is None else as_items(movable, "movable", SceneError)
     if not all(isinstance(pattern, str) for pattern in patterns):
         raise SceneError(f"movable must be true, false, or names of objects, got {movable!r}")

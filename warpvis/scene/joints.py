@@ -351,7 +351,8 @@ def _order(
     for link in links:  # grows
         ordered += below.get(link, [])
         links += [joint.child for joint in below.get(link, ())]
-    circular = next((joint for joint in joints if joint not in set(ordered)), None)
+    reached = set(ordered)
+    circular = next((joint for joint in joints if joint not in reached), None)
     if circular is not None:
         raise SceneError(f"joint {circular.name!r} is in a circle of joints: link {circular.child!r} is below itself")
     return tuple(links), ordered

@@ -237,6 +237,23 @@ def replaced(node: Node, field: str, original: ArrayLike, replacement: _Replacem
     return replacement
 
 
+class Names:
+    """A set of unique names."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+
+    def take(self, name: str) -> str:
+        """Reserve and return `name`, or the first of ``"name (2)"``, ``"name (3)"``, ... that is not taken."""
+        result, number = name, self._numbers.get(name, 1)
+        while result in self._numbers:
+            number += 1
+            result = f"{name} ({number})"
+        self._numbers[name] = number
+        self._numbers[result] = 1
+        return result
+
+
 class Transform(NamedTuple):
     """An affine transform to the world: ``p_world = offset + linear p``."""
 

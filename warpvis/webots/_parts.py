@@ -17,7 +17,8 @@ from warpvis.scene import Part
 from warpvis.webots._appearance import AppearanceFiles, Surface, join_appearances
 from warpvis.webots._detection import Extent
 from warpvis.webots._grammar import World
-from warpvis.webots._nodes import Node, Transform, Value, Version, new_node, replaced
+from warpvis.webots._joints import Link
+from warpvis.webots._nodes import Names, Node, Transform, Value, Version, new_node, replaced
 from warpvis.webots.shapes._geometry import GEOMETRIES
 from warpvis.webots.shapes._polygons import join
 
@@ -86,7 +87,9 @@ class Solid:
     frame: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))  # its axes and origin in the world
     axes: tuple[int, int] = (2, 0)  # axes of the frame along which a person stands and looks
     eyes: NDArray[np.float64] | None = None  # OpenCV pose of the eyes of a person, ``(7,)``, if it has a node of them
+    link: Link | None = None  # the link that it moves with
     parts: list[Surface] = field(default_factory=list)
+    links: list[Link | None] = field(default_factory=list)  # the link of each surface; PROTO instances have several
 
     def chain(self) -> Iterator[Solid]:
         """Iterate over it and the Solids that contain it, innermost first."""
@@ -122,6 +125,7 @@ class Step(NamedTuple):
     within: tuple[str, ...] = ()  # types of the PROTOs that contain it
     origin: str = ""  # the PROTO without a file whose fields contain it; then only devices are read
     extent: Extent | None = None  # the Solid that contains it
+    link: Link | None = None  # the link that it moves with
     depth: int = 0
 
     @property
@@ -136,23 +140,6 @@ class Step(NamedTuple):
         if self.owner is None or node.type in ROBOTS or len(node.numbers("recognitionColors")):
             return False
         return bool((self.instances or (node,))[0].protos)
-
-
-class Names:
-    """A set of unique names."""
-
-    def __init__(self) -> None:
-        self._numbers: dict[str, int] = {}
-
-    def take(self, name: str) -> str:
-        """Reserve and return `name`, or the first of ``"name (2)"``, ``"name (3)"``, ... that is not taken."""
-        result, number = name, self._numbers.get(name, 1)
-        while result in self._numbers:
-            number += 1
-            result = f"{name} ({number})"
-        self._numbers[name] = number
-        self._numbers[result] = 1
-        return result
 
 
 def is_level(vertices: NDArray[np.float64], faces: NDArray[np.int32], up: int) -> bool:
@@ -183,19 +170,63 @@ def names_of(names: Mapping[Solid, list[str]], solids: Iterable[Solid]) -> tuple
     return tuple(name for solid in solids for name in names.get(solid, ()))
 
 
-def make_parts(solids: Iterable[Solid], files: AppearanceFiles) -> tuple[list[Part], dict[Solid, list[str]]]:
-    """Build objects from all Solids with triangles, and list their names; images are loaded lazily."""
-    objects: list[Part] = []
-    names: dict[Solid, list[str]] = {}
+class Objects(NamedTuple):
+    """Objects, and their names by Solid."""
+
+    parts: list[Part]
+    names: dict[Solid, list[str]]
+
+    def add(self, solid: Solid, part: Part) -> None:
+        """Add an object of a Solid."""
+        self.parts.append(part)
+        self.names.setdefault(solid, []).append(part.name)
+
+
+def make_objects(solids: Iterable[Solid], files: AppearanceFiles, links: Mapping[Link, str]) -> tuple[Objects, Objects]:
+    """Build objects from all Solids with triangles; images are loaded lazily.
+
+    Args:
+        solids: The Solids.
+        files: Finds the files of appearances.
+        links: Names of the links that can move.
+
+    Returns:
+        An object for each Solid; and the same objects, split into one for each link.
+    """
+    whole, split = Objects([], {}), Objects([], {})
     taken = Names()
-    for solid in solids:
-        if not solid.parts:
+    rows = [(solid, *row) for solid in solids if solid.parts for row in _objects_of(solid)]
+    names = [taken.take(preferred_name) for _, preferred_name, _, _ in rows]
+    for name, (solid, _, label, parts) in zip(names, rows, strict=True):
+        moved_by = {
+            id(part): links.get(link) if link else None for part, link in zip(solid.parts, solid.links, strict=True)
+        }
+        by_link: dict[str | None, list[Surface]] = {}
+        for part in parts:
+            by_link.setdefault(moved_by[id(part)], []).append(part)
+        link = next(iter(by_link)) if len(by_link) == 1 else None
+        whole.add(solid, _part(name, label, parts, files, link))
+        if len(by_link) == 1:
+            split.add(solid, whole.parts[-1])
             continue
-        for preferred_name, label, parts in _objects_of(solid):
-            mesh, appearance = join([part.placed for part in parts]), join_appearances(parts, files)
-            objects.append(Part(taken.take(preferred_name), mesh, label, appearance=appearance))
-            names.setdefault(solid, []).append(objects[-1].name)
-    return objects, names
+        own = links.get(solid.link) if solid.link else None
+        for link, pieces in by_link.items():
+            piece = name if link == own else taken.take(link or name)
+            aliases = () if piece == name else (name,)
+            split.add(solid, _part(piece, label, pieces, files, link, aliases))
+    return whole, split
+
+
+def _part(
+    name: str,
+    label: Label,
+    surfaces: list[Surface],
+    files: AppearanceFiles,
+    link: str | None,
+    aliases: tuple[str, ...] = (),
+) -> Part:
+    mesh, appearance = join([part.placed for part in surfaces]), join_appearances(surfaces, files)
+    return Part(name, mesh, label, link=link, aliases=aliases, appearance=appearance)
 
 
 def _objects_of(solid: Solid) -> list[tuple[str, Label, list[Surface]]]:
@@ -212,13 +243,18 @@ def parts_of(node: Node) -> list[Node]:
 
 
 def expand_joint(node: Node) -> Node | None:
-    """Build a Group of the visible parts of an instance of `JOINTS`, at rest; return None for other types."""
+    """Build a joint with the visible parts of an instance of `JOINTS`, at rest; return None for other types.
+
+    All of them are its end point: the play between start point and end point is left out.
+    """
     if node.type not in JOINTS:
         return None
     pairs = [(node.nodes(points), node.number(play, _DEFAULT_BACKLASH)) for points, play in JOINTS[node.type]]
     parts: list[float | str | bool | Node] = [part for points, play in pairs if play != 0 for part in points]
-    fields: dict[str, Value] = {"children": [*parts, *node.nodes("endPoint")]}
-    return new_node(node, "Group", fields, node.name)
+    names = ("jointParameters", "jointParameters2", "device", "device2")
+    fields: dict[str, Value] = {name: node.fields[name] for name in names if name in node.fields}
+    fields["endPoint"] = [*parts, *node.nodes("endPoint")]
+    return new_node(node, node.type.removesuffix("WithBacklash"), fields, node.name)
 
 
 def missing_parts(

@@ -20,11 +20,13 @@ from warpvis.core.checks import pluralize
 from warpvis.core.poses import poses_to_opencv
 from warpvis.errors import FileFormatError
 from warpvis.scene import keep_winding
+from warpvis.scene.joints import JointTree
 from warpvis.scene.lights import Background, Light
 from warpvis.webots._appearance import APPEARANCES, Surface, shape_appearance
 from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
+from warpvis.webots._joints import MAX_JOINTS, MOVING, Link, make_joints, read_link
 from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._lights import (
     LIGHTS,
@@ -35,7 +37,7 @@ from warpvis.webots._lights import (
     read_lights,
     stand_in_sky,
 )
-from warpvis.webots._nodes import Node, Transform, nodes_in
+from warpvis.webots._nodes import BUILTIN_NODES, Names, Node, Transform, nodes_in
 from warpvis.webots._parts import (
     JOINTS,
     LINES,
@@ -44,7 +46,6 @@ from warpvis.webots._parts import (
     SOLIDS,
     TRANSFORMS,
     UNSEEN,
-    Names,
     Solid,
     Step,
     corrected_scale,
@@ -91,6 +92,7 @@ class Reader:
         self.recognizable: dict[str, tuple[Node, list[Solid]]] = {}
         self.extents: list[Extent] = []  # all Solids
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
+        self.links: list[Link] = []
         self.lights: list[Light] = []
         self.background: Background | None = None
         self.irradiance: Irradiance = ()
@@ -166,7 +168,7 @@ class Reader:
             if node.name is not None and node.name.upper() == EYES and step.owner is not None:
                 step.owner.eyes = poses_to_opencv(transform.rigid(), node.version.axes)[0]
         elif node.type in PARTS:
-            step = step._replace(called=node.name or step.called)
+            step = step._replace(called=node.name or step.called, link=self._begin_link(step))
         else:
             return self._expand(step)
         if node.type == "Track" and node.nodes("animatedGeometry"):
@@ -250,6 +252,8 @@ class Reader:
         node, name = step.node, self._solid_name(step)
         is_part = step.is_part
         transform = step.transform.within(node, corrected_scale(node, self.notes))
+        if step.link is not None:
+            step.link.enter(name, transform.rigid())
         if not is_part:
             step = self._begin_solid(step, name, transform)
         step = self._begin_extent(step, transform)
@@ -287,14 +291,46 @@ class Reader:
             recognized = (known,)
         types = {instance.type for instance in step.instances}
         solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognized), bool(types & _ARENAS))
-        solid.parent, solid.frame = step.owner, transform.rigid()
+        link = step.link
+        if node.type in ROBOTS and link is None and len(self.links) < MAX_JOINTS:
+            link = Link(None, node, transform, name=name, frame=transform.rigid())
+            self.links.append(link)
+        solid.parent, solid.frame, solid.link = step.owner, transform.rigid(), link
         solid.axes = (2, 0) if node.version.z_up else (1, 2)
         self.solids.append(solid)
         for robot in robots:
             self.robots[robot].append(solid)
         for known in recognized:
             self.recognizable[known][1].append(solid)
-        return step._replace(owner=solid, robots=robots, recognized=recognized, human=human)
+        return step._replace(owner=solid, robots=robots, recognized=recognized, human=human, link=link)
+
+    def _begin_link(self, step: Step) -> Link | None:
+        """Begin the link of a joint; return the link of its end point."""
+        node = step.node
+        if node.type not in MOVING or step.origin:
+            return step.link
+        with self._leaving_out():
+            if all(end.type == "SolidReference" for end in node.nodes("endPoint")):  # closes a loop, or is empty
+                return step.link
+            if len(self.links) >= MAX_JOINTS:
+                raise FileFormatError(
+                    f"{self._world.path}: expected at most {MAX_JOINTS} joints, got more; they are fixed"
+                )
+            link = read_link(node, step.transform, step.link, self._expand_device, self.notes)
+            self.links.append(link)
+            return link
+        return step.link
+
+    def _expand_device(self, node: Node) -> Node | None:
+        return None if node.type in BUILTIN_NODES else self._expand_file(node)
+
+    def joints(self) -> tuple[JointTree, dict[Link, str]]:
+        """Return the joints, and the names of the links that can move."""
+        joints, names, errors = make_joints(self.links)
+        if errors and self._strict:
+            raise FileFormatError(errors[0])
+        self.refused += errors
+        return joints, names
 
     def _begin_extent(self, step: Step, transform: Transform) -> Step:
         """Collect the extent of a Solid, which recognition and its occlusion tests use."""
@@ -340,6 +376,7 @@ class Reader:
         appearance = shape_appearance(node)
         if appearance is not None:
             self.materials["Appearance" if appearance.type == "Appearance" else "PBRAppearance"] += 1
+        owner.links.append(step.link)
         owner.parts.append(Surface(appearance, geometry, mesh, (placed, faces), level, step.transform.linear))
         if step.recognized and step.extent is not None:
             step.extent.parts.append(ball_about(placed))

@@ -14,7 +14,7 @@ from warpvis.core.checks import as_items, as_path, check_flag, pluralize, trunca
 from warpvis.core.labels import LabelInput, LabelRules
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
-from warpvis.scene import FileParts, Scene
+from warpvis.scene import FileParts, Scene, move_with_links
 from warpvis.visibility import Agent
 from warpvis.webots._appearance import AppearanceFiles
 from warpvis.webots._detection import Bounds
@@ -23,7 +23,7 @@ from warpvis.webots._grammar import parse_world
 from warpvis.webots._lidars import Lidar
 from warpvis.webots._lights import scene_lights
 from warpvis.webots._nodes import Node, Version
-from warpvis.webots._parts import Solid, make_parts, names_of
+from warpvis.webots._parts import Objects, make_objects, names_of
 from warpvis.webots._people import find_people
 from warpvis.webots._urls import CACHED_SINCE, installed, webots_cache
 from warpvis.webots._walk import Reader
@@ -79,6 +79,7 @@ def load_webots(
     label_names: Mapping[int, str] | None = None,
     search_path: Sequence[str | os.PathLike[str]] = (),
     strict: bool = False,
+    movable: bool | Sequence[str] = False,
 ) -> WebotsWorld:
     """Read a Webots world, a ``.wbt`` file of V6.0 to R2025a.
 
@@ -108,6 +109,8 @@ def load_webots(
             variable ``WEBOTS_HOME`` and Webots' download cache.
         strict: Whether unreadable nodes and values that are invalid in Webots raise an error. By default, nodes are
             skipped and values are corrected as by Webots, and one warning each lists them with file and line.
+        movable: Whether links of joints are movable objects, as `Scene.joints` moves them; or names of movable objects,
+            as for `Scene.load`. If true, PROTO instances are split into an object for each link, named like the link.
 
     Raises:
         FileFormatError: If the file is missing or does not parse, or, with `strict`, something cannot be read.
@@ -121,9 +124,10 @@ def load_webots(
     )
     check_flag(strict, "strict")
     rules = LabelRules.of(labels, label_names)
-    reader, names, found = _read(path, [as_path(folder, "search_path") for folder in folders], strict)
+    reader, objects, found = _read(path, [as_path(folder, "search_path") for folder in folders], strict)
+    names = objects[movable is True].names
     scene = Scene(device=device, up=reader.up)
-    scene.add_parts(found, rules)
+    scene.add_parts(found, rules, movable=movable)
     for message in found.warnings:
         warnings.warn(message, stacklevel=2)
     return WebotsWorld(
@@ -149,10 +153,11 @@ def read_world(path: Path, *, search_path: Sequence[Path], strict: bool) -> File
     return _read(path, search_path, strict)[2]
 
 
-def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, dict[Solid, list[str]], FileParts]:
-    """Traverse a world; return the reader with its content, the object names of each Solid, and the objects."""
+def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader, tuple[Objects, Objects], FileParts]:
+    """Traverse a world; return the reader with its content, the objects as for `make_objects`, and the result."""
     reader = Reader(parse_world(path), [*search_path, *installed()], strict, webots_cache())
     reader.walk()
+    joints, links = reader.joints()
     message = _missing(reader, path, search_path)
     notes = reader.corrections()
     listed = "; ".join(_truncated(notes))
@@ -162,15 +167,24 @@ def _read(path: Path, search_path: Sequence[Path], strict: bool) -> tuple[Reader
         raise FileFormatError(f"{path}: expected values that are valid in Webots, got others: {listed}")
     if not any(solid.parts for solid in reader.solids):
         raise SceneError(f"{message}; no triangles remain" if message else f"{path}: holds no triangles")
-    parts, names = make_parts(reader.solids, AppearanceFiles(path, reader.find_mesh, reader.expand_appearance))
+    files = AppearanceFiles(path, reader.find_mesh, reader.expand_appearance)
+    whole, split = make_objects(reader.solids, files, links)
     sentences = tuple(filter(None, (message, f"{path}: {listed}" if notes else "")))
     background, count = reader.background, reader.materials
     is_pbr = count["PBRAppearance"] > count["Appearance"]
     lights = scene_lights(reader.lights, background, reader.irradiance, is_pbr=is_pbr)
     found = FileParts(
-        path, parts, up=reader.up, defines_frame=True, warnings=sentences, lights=lights, background=background
+        path,
+        move_with_links(whole.parts, joints),
+        up=reader.up,
+        defines_frame=True,
+        warnings=sentences,
+        lights=lights,
+        background=background,
+        joints=joints,
+        moving_parts=move_with_links(split.parts, joints),
     )
-    return reader, names, found
+    return reader, (whole, split), found
 
 
 def _missing(reader: Reader, path: Path, search_path: Iterable[Path]) -> str:
