@@ -317,6 +317,11 @@ def _webots(folder):
     lidar = "Robot { children [ Lidar { numberOfLayers 2 horizontalResolution 64 maxRange 9 } ] }"
     wall = "Solid { translation 2 0 0 children [ Shape { geometry Box { size 0.1 9 9 } } ] }"
     (folder / "scanned.wbt").write_text(f"#VRML_SIM R2023b utf8\n{lidar} {wall}")
+    box = "Shape { geometry Box { size 0.2 0.2 0.8 } }"
+    slide = f'SliderJoint {{ device LinearMotor {{ name "slide" }} endPoint Solid {{ children [ {box} ] }} }}'
+    motor = 'RotationalMotor { name "elbow" minPosition -2 maxPosition 2 }'
+    elbow = f"HingeJoint {{ device {motor} endPoint Solid {{ translation 0 0 0.8 children [ {box} {slide} ] }} }}"
+    (folder / "arm.wbt").write_text(f"#VRML_SIM R2023b utf8\nRobot {{ children [ {box} {elbow} ] }}")
     return {"scanned": wv.webots.load_webots(folder / "scanned.wbt")}
 
 

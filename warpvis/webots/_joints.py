@@ -93,13 +93,11 @@ def _directions(node: Node, parameters: Sequence[Node | None], notes: list[str])
         seconds = [_direction(found, _Z, _Z, notes) for found in parameters[1:]]
         return [_direction(parameters[0], _X, _X, notes), *seconds]
     _, second, third = parameters
+    first, last = _direction(second, _X, _Z, notes), _direction(third, _Z, _Z, notes)
     if second is None and third is not None:
-        last = _direction(third, _Z, _Z, notes)
         first = _perpendicular(last, _Z, _X)
-    else:
-        first = _direction(second, _X, _Z, notes)
-        last = _perpendicular(first, _X, _Z) if third is None and second is not None else None
-        last = _direction(third, _Z, _Z, notes) if last is None else last
+    elif second is not None and third is None:
+        last = _perpendicular(first, _X, _Z)
     middle = np.cross(last, first)
     length = float(np.linalg.norm(middle))
     if length < 1e-12:
