@@ -22,6 +22,8 @@ class FakeOptions:
     single: int = 0
     """Number of situations of a room, from the first on, with one moment only."""
     per_shard: int = 10
+    empty: tuple[int, ...] = ()
+    """Numbers of rooms without situations."""
     far: float = 4.0
     limit: float = np.inf
 
@@ -33,7 +35,8 @@ class FakeGenerator:
         self.options = options
 
     def shard(self, number):
-        return [self._situation(number, index) for index in range(self.options.per_shard)]
+        count = 0 if number in self.options.empty else self.options.per_shard
+        return [self._situation(number, index) for index in range(count)]
 
     def _situation(self, number, index):
         options = self.options

@@ -198,6 +198,7 @@ def test_lerobot_dataset(tmp_path, whole, monkeypatch):
     pandas, datasets = pytest.importorskip("pandas"), pytest.importorskip("datasets")
     folder, situations = whole / "lerobot", expected()
     info = json.loads((folder / "meta" / "info.json").read_text())
+    assert {"data_files_size_in_mb", "video_files_size_in_mb"} <= set(info)  # `split_dataset` of LeRobot 0.4 reads them
     assert info["codebase_version"] == "v3.0" and info["total_frames"] == info["total_episodes"] == 40
     tasks = pandas.read_parquet(folder / "meta" / "tasks.parquet")
     assert tasks["task_index"].tolist() == list(range(info["total_tasks"])) and tasks.index.is_unique
@@ -212,6 +213,36 @@ def test_lerobot_dataset(tmp_path, whole, monkeypatch):
         np.testing.assert_array_equal(picture, situation.images["camera/color"])
     recording = wv.open_recording(folder, camera=wv.Camera.from_fov(8, 6, hfov=1.0), episode=23)
     np.testing.assert_allclose(recording[0].depth[1:], situations[23].images["camera/depth"][1:], atol=5.1e-4)
+
+
+def test_lerobot_statistics(whole):
+    """Without these, LeRobot cannot merge datasets or normalize inputs."""
+    stats = json.loads((whole / "lerobot" / "meta" / "stats.json").read_text())
+    names = {"min", "max", "mean", "std", "count", "q01", "q10", "q50", "q90", "q99"}
+    assert set(stats) == {"observation.images.camera", "observation.state"}
+    assert all(set(item) == names and item["count"] == [40] for item in stats.values())
+    states = np.array([situation.moments[0].participants[0].eyes for situation in expected()])
+    np.testing.assert_allclose(stats["observation.state"]["std"], states.std(0), atol=1e-5)
+    np.testing.assert_allclose(stats["observation.state"]["q90"], np.quantile(states, 0.9, axis=0), atol=1e-5)
+    colors = np.stack([situation.images["camera/color"][::4, ::4] for situation in expected()]) / 255
+    np.testing.assert_allclose(
+        stats["observation.images.camera"]["mean"], colors.mean((0, 1, 2))[:, None, None], atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_rooms_without_situations(tmp_path, monkeypatch, name):
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("datasets")
+    generate(tmp_path / "out", FakeOptions(empty=(0, 2)), format=name)
+    assert len(open_situations(tmp_path / "out")) == 20 and verify(tmp_path / "out").ok
+    loaded = datasets.load_dataset(str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache"))
+    assert len(loaded) == 20
+
+
+def test_lerobot_without_situations(tmp_path):
+    with pytest.raises(wv.errors.FileFormatError, match="requires at least one situation, got none"):
+        generate(tmp_path, FakeOptions(empty=(0, 1, 2, 3)), format="lerobot")
 
 
 def test_datasheet(whole):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpvis.batch._dataset import commit, shard_record
 from warpvis.batch.situations._base import Files, SituationFormat, Stored, read_shard_file
@@ -27,6 +28,7 @@ from warpvis.batch.situations._parquet import (
     parquet_bytes,
     parquet_row,
 )
+from warpvis.batch.situations._pictures import decode_picture
 from warpvis.core.file_content import reading, require_package
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
 _CHUNK = 1000
 """Files per folder."""
 _ROWS = 20
+_SAMPLES = 100
+"""Number of pictures for statistics."""
 _COLOR, _DEPTH = "observation.images.camera", "observation.images.camera_depth"
 _PICTURES = {_COLOR: "camera/color", _DEPTH: "camera/depth"}
 _STATE = ["x", "y", "z", "qx", "qy", "qz", "qw"]
@@ -87,16 +91,16 @@ class Lerobot(SituationFormat):
             others = {key: value for key, value in encoded.items() if key not in used}
             row = parquet_row(situation, others)
             rows.append(row | {"task": _task(situation), "frames": len(stored)})
-        if rows:
-            with_depth = _DEPTH in frames[0]
-            if any((_DEPTH in frame) != with_depth for frame in frames):
-                raise FileFormatError("format 'lerobot' requires the picture camera/depth of all situations or of none")
-        features = _features(with_depth=bool(rows) and with_depth)
-        names = _file_names(shard)
+        data, name = _file_names(shard)
         schema = arrow_schema(pa, {"task": pa.string(), "frames": pa.int64()})
-        files.write(names[0], parquet_bytes(_frame_table(pa, frames, features), rows=_ROWS))
-        files.write(names[1], parquet_bytes(pa.Table.from_pylist(rows, schema=schema), rows=_ROWS))
-        return list(names)
+        files.write(name, parquet_bytes(pa.Table.from_pylist(rows, schema=schema), rows=_ROWS))
+        if not rows:
+            return [name]  # `datasets` cannot read an empty file
+        with_depth = _DEPTH in frames[0]
+        if any((_DEPTH in frame) != with_depth for frame in frames):
+            raise FileFormatError("format 'lerobot' requires the picture camera/depth of all situations or of none")
+        files.write(data, parquet_bytes(_frame_table(pa, frames, _features(with_depth=with_depth)), rows=_ROWS))
+        return [data, name]
 
     def read_shard(self, store: Store, shard: int, *, images: bool) -> list[Stored]:
         parquet = require_package("pyarrow.parquet", "format 'lerobot' is read with pyarrow", "dataset")
@@ -127,6 +131,8 @@ class Lerobot(SituationFormat):
         tasks: dict[str, int] = {}
         episode = index = 0
         for shard, episodes in enumerate(_read_shards(store, self.shards)):
+            if not episodes.tasks:
+                continue
             name = _file_names(shard)[0]
             numbers = [tasks.setdefault(task, len(tasks)) for task in episodes.tasks]
             columns = {
@@ -147,7 +153,7 @@ class Lerobot(SituationFormat):
                 commit(store, shard_record(shard), records[shard].frames, files, [name, other])
 
     def index(self, files: ShardFiles, store: Store) -> list[str]:
-        """Write ``meta``: the features, the tasks and the episodes."""
+        """Write ``meta``: the features, the statistics, the tasks and the episodes."""
         pa = require_package("pyarrow", "format 'lerobot' is written with pyarrow", "dataset")
         parquet = require_package("pyarrow.parquet", "format 'lerobot' is written with pyarrow", "dataset")
         tasks: dict[str, int] = {}
@@ -163,7 +169,8 @@ class Lerobot(SituationFormat):
                     | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
                 )
                 index += count
-        schema = parquet.read_schema(io.BytesIO(read_shard_file(store, _file_names(0)[0])))
+        shard = self._first_shard(store)
+        schema = parquet.read_schema(io.BytesIO(read_shard_file(store, _file_names(shard)[0])))
         info = {
             "codebase_version": "v3.0",
             "robot_type": None,
@@ -171,11 +178,13 @@ class Lerobot(SituationFormat):
             "total_frames": index,
             "total_tasks": len(tasks),
             "chunks_size": _CHUNK,
-            "fps": _rate(self.read_shard(store, 0, images=False)),
+            "data_files_size_in_mb": 100,
+            "video_files_size_in_mb": 200,
+            "fps": _rate(self.read_shard(store, shard, images=False)),
             "splits": {"train": f"0:{len(rows)}"},
             "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
             "video_path": None,
-            "features": _describe(self, store, with_depth=_DEPTH in schema.names),
+            "features": _describe(self, store, shard, with_depth=_DEPTH in schema.names),
         }
         files.write_text("meta/info.json", json.dumps(info, indent=4) + "\n")
         # The layout of a pandas table whose index are the tasks.
@@ -187,9 +196,40 @@ class Lerobot(SituationFormat):
         names = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
         table = table.replace_schema_metadata({"pandas": json.dumps(names)})
         files.write("meta/tasks.parquet", parquet_bytes(table, rows=10_000))
+        files.write_text("meta/stats.json", json.dumps(self._statistics(store, index), indent=4) + "\n")
         name = "meta/episodes/chunk-000/file-000.parquet"
         files.write(name, parquet_bytes(pa.Table.from_pylist(rows), rows=10_000))
         return ["meta"]
+
+    def _first_shard(self, store: Store) -> int:
+        """Return the number of the first shard with a situation."""
+        for shard, episodes in enumerate(_read_shards(store, self.shards)):
+            if episodes.tasks:
+                return shard
+        raise FileFormatError(f"{store.name}: format 'lerobot' requires at least one situation, got none")
+
+    def _statistics(self, store: Store, frames: int) -> dict[str, Json]:
+        """Return the statistics of the poses of all frames, and of the camera's colors in about `_SAMPLES` of them."""
+        parquet = require_package("pyarrow.parquet", "format 'lerobot' is read with pyarrow", "dataset")
+        step = max(1, frames // _SAMPLES)
+        index, states, colors = 0, [], []
+        for shard, episodes in enumerate(_read_shards(store, self.shards)):
+            if not episodes.tasks:
+                continue
+            name = _file_names(shard)[0]
+            content = io.BytesIO(read_shard_file(store, name))
+            with reading(f"{store.name}: {name}", "frames of LeRobot"):
+                found = parquet.read_table(content, columns=["observation.state"]).column(0).to_pylist()
+                states += found
+                chosen = range(-index % step, len(found), step)
+                index += len(found)
+                if chosen:
+                    pictures = parquet.read_table(content, columns=[_COLOR]).column(0)
+                    encoded = [pictures[place].as_py() for place in chosen]
+                    images = [decode_picture("camera/color", item["path"], item["bytes"]) for item in encoded]
+                    colors += [image[::4, ::4].reshape(-1, 3) for image in images]
+        camera = _describe_values(np.concatenate(colors) / 255, len(colors), shape=(3, 1, 1))
+        return {_COLOR: camera, "observation.state": _describe_values(np.array(states), frames, shape=(len(_STATE),))}
 
 
 def _file_names(shard: int) -> tuple[str, str]:
@@ -241,9 +281,9 @@ def _frame_table(pa: Any, frames: list[dict[str, Any]], features: list[str]) -> 
     return pa.Table.from_pylist(frames, schema=pa.schema(kinds, metadata=metadata))
 
 
-def _describe(layout: Lerobot, store: Store, *, with_depth: bool) -> dict[str, Json]:
-    """Return the features as LeRobot describes them; sizes of pictures are those of the first one."""
-    first = next(item for item in layout.read_shard(store, 0, images=True)).restore()
+def _describe(layout: Lerobot, store: Store, shard: int, *, with_depth: bool) -> dict[str, Json]:
+    """Return the features as LeRobot describes them; sizes of pictures are those of the first one of `shard`."""
+    first = layout.read_shard(store, shard, images=True)[0].restore()
     color = next(image for key, image in first.images.items() if key.startswith("camera/color"))
     features: dict[str, Any] = {
         _COLOR: {"dtype": "image", "shape": list(color.shape), "names": ["height", "width", "channels"]}
@@ -256,6 +296,14 @@ def _describe(layout: Lerobot, store: Store, *, with_depth: bool) -> dict[str, J
     features["answer"] = {"dtype": "string", "shape": [1], "names": None}
     features["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
     return features | {name: {"dtype": "int64", "shape": [1], "names": None} for name in _NUMBERS}
+
+
+def _describe_values(values: NDArray[Any], count: int, *, shape: tuple[int, ...]) -> dict[str, Json]:
+    """Return LeRobot's statistics of the columns of `values`, rounded so that they are equal on all CPUs."""
+    found = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0)}
+    found |= {f"q{share:02d}": np.quantile(values, share / 100, axis=0) for share in (1, 10, 50, 90, 99)}
+    described: dict[str, Json] = {name: np.round(item, 6).reshape(shape).tolist() for name, item in found.items()}
+    return described | {"count": [count]}
 
 
 def _rate(situations: Sequence[Stored]) -> int:

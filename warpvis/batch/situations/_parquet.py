@@ -47,6 +47,8 @@ class Parquet(SituationFormat):
     ) -> list[str]:
         pa = require_package("pyarrow", "format 'parquet' is written with pyarrow", "dataset")
         rows = [parquet_row(situation, encoded) for situation, encoded in zip(situations, pictures, strict=True)]
+        if not rows:
+            return []  # `datasets` cannot read an empty file
         table = pa.Table.from_pylist(rows, schema=arrow_schema(pa))
         name = self._file_name(shard)
         files.write(name, parquet_bytes(table, rows=_ROWS))
