@@ -85,7 +85,7 @@ class Watch:
     def __init__(self, scene: Scene, targets: dict[str, list[str]]) -> None:
         """Set up for targets, each one the union of some objects."""
         self.scene, self.targets = scene, targets
-        self._meters: dict[Camera, FractionMeter] = {}
+        self._meters: dict[tuple[Camera, str], FractionMeter] = {}
         self._margins: dict[Camera, MarginMeter] = {}
         first = [scene[names[0]] for names in targets.values()]
         columns = {index: column for column, index in enumerate(scene.movable)}
@@ -120,7 +120,7 @@ class Watch:
             rows = [index for index, viewer in enumerate(viewers) if viewer.camera == camera]
             eyes = np.stack([viewers[index].eyes for index in rows], axis=1).astype(np.float32)
             hidden = np.stack([self._hidden(viewers[index].body, worlds, removed) for index in rows], axis=1)
-            meter = self._meters.get(camera) or self._meters.setdefault(camera, self._fraction_meter(camera))
+            meter = self._fraction_meter(camera)
             step = max(1, _MAX_VIEWS // len(rows))
             for start in range(0, worlds, step):
                 part = slice(start, start + step)
@@ -128,6 +128,39 @@ class Watch:
                 for name, array in found.items():
                     array[part, rows] = getattr(result, names.get(name, name)).numpy()
         return Observations(**found, centers=self._centers(viewers, object_poses))
+
+    def shares(
+        self,
+        viewers: Sequence[Viewer],
+        agents: NDArray[np.integer],
+        targets: NDArray[np.integer],
+        eyes: NDArray[np.float64],
+        object_poses: NDArray[np.float32],
+        removed: NDArray[np.bool_] | None = None,
+    ) -> NDArray[np.float64]:
+        """Measure the visible share of one target for one viewer in each of n arrangements, shape ``(n,)``.
+
+        Args:
+            viewers: The viewers; their eyes are ignored.
+            agents: Index of the viewer, shape ``(n,)``.
+            targets: Index of the target, shape ``(n,)``.
+            eyes: Poses of the viewers' eyes, shape ``(n, 7)``.
+            object_poses: Poses of the movable objects, shape ``(n, M, 7)``.
+            removed: Objects that are left out, shape ``(n, objects)``.
+        """
+        found, names = np.zeros(len(agents)), list(self.targets)
+        hidden = np.zeros((len(agents), len(self.scene)), dtype=np.bool_) if removed is None else removed.copy()
+        for number, viewer in enumerate(viewers):
+            hidden[np.ix_(agents == number, [self.scene.index(name) for name in viewer.body])] = True
+        for camera in dict.fromkeys(viewer.camera for viewer in viewers):
+            uses = np.array([viewer.camera == camera for viewer in viewers])[agents]
+            for target in np.unique(targets[uses]):
+                meter, rows = self._fraction_meter(camera, names[target]), np.flatnonzero(uses & (targets == target))
+                for part in np.split(rows, range(_MAX_VIEWS, len(rows), _MAX_VIEWS)):
+                    views = eyes[part].astype(np.float32)
+                    result = meter.measure(views, object_poses=object_poses[part], exclude=hidden[part])
+                    found[part] = result.fraction.numpy()[:, 0]
+        return found
 
     def margins(
         self, viewers: Sequence[Viewer], object_poses: NDArray[np.float32]
@@ -146,9 +179,13 @@ class Watch:
             degrees[:, index], meters[:, index] = result.degrees.numpy(), result.meters.numpy()
         return degrees, meters
 
-    def _fraction_meter(self, camera: Camera) -> FractionMeter:
-        objects = dict(self.targets)
-        return FractionMeter(self.scene, camera, objects=objects, min_samples=_MIN_SAMPLES, occluders=OCCLUDERS)
+    def _fraction_meter(self, camera: Camera, target: str = "") -> FractionMeter:
+        """Return the meter of a target, or of all."""
+        if (camera, target) not in self._meters:
+            objects = {target: self.targets[target]} if target else dict(self.targets)
+            options: dict[str, Any] = {"min_samples": _MIN_SAMPLES, "occluders": 0 if target else OCCLUDERS}
+            self._meters[camera, target] = FractionMeter(self.scene, camera, objects=objects, **options)
+        return self._meters[camera, target]
 
     def _hidden(self, body: Sequence[str], worlds: int, removed: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
         """Return which objects a viewer does not see, shape ``(W, objects)``."""

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,16 +105,9 @@ class Panel:
             removed: Objects that are left out, shape ``(n, objects)``.
         """
         world, agent, thing = rows[:3]
-        shares = np.zeros(len(world))
-        for number, viewer in enumerate(self.participants):
-            chosen = np.flatnonzero(agent == number)
-            if not len(chosen):
-                continue
-            moved = viewer.at(world[chosen]) if eyes is None else replace(viewer, eyes=eyes[chosen])
-            poses = self.object_poses[world[chosen]] if object_poses is None else object_poses[chosen]
-            found = self.watch.observe([moved], poses, None if removed is None else removed[chosen])
-            shares[chosen] = found.fraction[np.arange(len(chosen)), 0, thing[chosen]]
-        return shares
+        eyes = self.eyes(world, agent) if eyes is None else eyes
+        poses = self.object_poses[world] if object_poses is None else object_poses
+        return self.watch.shares(self.participants, agent, thing, eyes, poses, removed)
 
     def picture_features(self, worlds: NDArray[np.integer], things: NDArray[np.integer]) -> NDArray[np.float64]:
         """Return place and distance of objects in the picture, shape ``(n, 3)``."""
