@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -98,15 +97,16 @@ def _rotate(
         if other is not None:
             elsewhere[index, :, stage.column(panel.things[thing])] = other[0]
     both = np.concatenate([poses, elsewhere]).reshape(-1, *poses.shape[2:])
-    rotating = replace(viewer.at(np.tile(worlds, 2)), eyes=np.tile(eyes.reshape(-1, 7), (2, 1)))
-    seen = panel.watch.observe([rotating], both).fraction[:, 0].reshape(2, count, _DIRECTIONS, -1)
+    turned = np.tile(eyes.reshape(-1, 7), (2, 1))
+    things = np.tile(np.repeat([thing for _, thing in rows], _DIRECTIONS), 2)
+    seen = panel.watch.shares(panel.participants, np.full(len(things), agent), things, turned, both)
+    seen = seen.reshape(2, count, _DIRECTIONS)
     found = []
     for index, ((world, thing), other) in enumerate(zip(rows, others, strict=True)):
         now = stage.support(arranged, world, panel.things[thing])
         supports = now, "" if other is None else stage.words[other[1]]
         moved = None if other is None else other[0]
-        shares = seen[:, index, :, thing]
-        found.append(_Rotation(world, agent, thing, eyes[index], poses[index], shares, moved, supports))
+        found.append(_Rotation(world, agent, thing, eyes[index], poses[index], seen[:, index], moved, supports))
     return found
 
 
