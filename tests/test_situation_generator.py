@@ -6,14 +6,13 @@ import json
 import re
 from collections import Counter, defaultdict
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import warpvis as wv
 from warpvis.errors import SceneError
-from warpvis.situations import QUESTION_KINDS, SituationGenerator, SituationOptions, StageOptions, _pairs
+from warpvis.situations import QUESTION_KINDS, SituationGenerator, SituationOptions, StageOptions
 from warpvis.situations._wording import LEFT, NEVER, NO, YES
 
 OPTIONS = SituationOptions(seed=11, per_shard=60, outputs=())
@@ -204,14 +203,79 @@ def test_rooms_have_the_given_clutter():
     assert described["clutter"] <= 0.1
 
 
-def test_no_pairs_are_returned_if_none_are_wanted(monkeypatch):
-    rows = np.zeros((2, 3), dtype=np.int64), ["box", "box"], np.zeros((2, 3))
-    steps = round(2 * _pairs._REACH / _pairs._STEP) + 1
-    monkeypatch.setattr(_pairs, "_candidates", lambda *_: rows)
-    monkeypatch.setattr(_pairs, "_shares", lambda *_: np.tile(np.arange(steps) > steps // 2, (2, 1)).astype(np.float64))
-    stage = SimpleNamespace(fits=lambda *_: True)
-    arranged = SimpleNamespace(panel=SimpleNamespace(offsets=lambda _: np.array([[0.0, -1.0, 0.0]] * 2)))
-    assert [len(_pairs.find_pairs(stage, arranged, count, None)) for count in (2, 1, 0)] == [2, 1, 0]
+def test_a_fifth_of_the_situations_are_twins_where_blockers_fit():
+    assert 0.15 <= np.mean([one.twin is not None for one in situations()]) <= 0.2
+    few = SituationGenerator(SituationOptions(seed=11, per_shard=4, outputs=())).shard(1)
+    assert not any(one.twin for one in few)
+
+
+def masked_situations():
+    options = SituationOptions(
+        seed=5, per_shard=4, views="all", outputs=("depth", "segmentation", "amodal_masks", "seen_by")
+    )
+    generator = SituationGenerator(options)
+    for one in generator.shard(2):
+        scene = generator.scene(one)
+        poses = np.array([[scene.objects[index].pose for index in scene.movable]])
+        yield one, scene, poses, "" if len(one.moments) == 1 else "/0"
+
+
+def test_amodal_masks_are_silhouettes_without_the_other_objects():
+    hidden = 0
+    for one, scene, poses, end in masked_situations():
+        now = one.moments[0]
+        names = [[thing.name] for thing in now.things]
+        names += [[scene.objects[index].name for index in bodies(scene, who.name)] for who in now.participants]
+        masks, shown = one.images[f"camera/amodal_masks{end}"], one.images[f"camera/segmentation{end}"]
+        assert masks.shape == (len(names), *shown.shape) and masks.dtype == np.uint8
+        for mask, parts in zip(masks, names, strict=True):
+            own = [scene.index(name) for name in parts]
+            others = [index for index in range(len(scene)) if index not in own]
+            alone = wv.render(
+                scene, camera_of(one), one.camera["pose"], outputs=("depth",), exclude=others, object_poses=poses
+            )
+            assert np.array_equal(mask > 0, np.isfinite(alone.depth.numpy()[0]))
+            assert np.array_equal(mask == 2, np.isin(shown, own))
+            hidden += (mask == 1).any()
+        who = now.participants[0]
+        assert not one.images[f"{who.name}/amodal_masks{end}"][len(now.things)].any()
+    assert hidden
+
+
+def camera_of(one):
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    return wv.Camera(**{name: one.camera["intrinsics"][name] for name in names}, near=0.05, far=np.inf)
+
+
+def test_seen_by_marks_surfaces_that_participants_see():
+    agree, both, seen_by_none = [], 0, 0
+    for one, scene, _, end in masked_situations():
+        depth, seen = one.images[f"camera/depth{end}"], one.images[f"camera/seen_by{end}"]
+        camera, owners = camera_of(one), one.images[f"camera/segmentation{end}"]
+        assert not seen[owners < 0].any() and seen.max() < 1 << len(one.moments[0].participants)
+        rows, columns = np.nonzero(np.isfinite(depth))
+        z = depth[rows, columns].astype(np.float64)
+        local = np.column_stack([(columns - camera.cx) / camera.fx * z, (rows - camera.cy) / camera.fy * z, z])
+        pose = wv.core.poses.poses_to_matrices(np.array([one.camera["pose"]]))[0]
+        world = local @ pose[:3, :3].T + pose[:3, 3]
+        both += (np.bitwise_count(seen) > 1).sum() if hasattr(np, "bitwise_count") else ((seen & 3) == 3).sum()
+        seen_by_none += (seen[rows, columns] == 0).sum()
+        for bit, who in enumerate(one.moments[0].participants):
+            view, image = one.camera["views"][who.name], one.images[f"{who.name}/depth{end}"]
+            own = np.isin(owners[rows, columns], bodies(scene, who.name))
+            eyes = wv.core.poses.poses_to_matrices(np.array([who.eyes]))[0]
+            x, y, z = ((world - eyes[:3, 3]) @ eyes[:3, :3]).T
+            ahead = z > view["near"]
+            u, v = (np.where(ahead, c / np.where(ahead, z, 1), 1e6) for c in (x, y))
+            u, v = np.rint(u * view["fx"] + view["cx"]).astype(int), np.rint(v * view["fy"] + view["cy"]).astype(int)
+            inside = ahead & (u >= 0) & (v >= 0) & (u < view["width"]) & (v < view["height"])
+            inside &= z < (view["far"] or np.inf)
+            nearest = np.full(len(z), -np.inf)
+            nearest[inside] = image[v[inside], u[inside]]
+            expected = inside & (z <= nearest * 1.02 + 0.01) & ~own
+            agree.append(np.mean(expected == (seen[rows, columns] >> bit & 1)))
+    assert min(agree) > 0.95 and np.mean(agree) > 0.98, agree
+    assert both and seen_by_none
 
 
 @pytest.mark.parametrize(

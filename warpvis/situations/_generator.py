@@ -8,7 +8,6 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +15,12 @@ from numpy.typing import NDArray
 from warpvis.core.checks import check_whole
 from warpvis.core.types import DeviceLike, Json
 from warpvis.errors import SceneError
-from warpvis.rendering import Renderer
 from warpvis.scene import Scene
 from warpvis.situations._balance import Pool
 from warpvis.situations._file_rooms import FileRoom
 from warpvis.situations._file_scenes import FileScene
 from warpvis.situations._hypotheticals import HYPOTHETICALS, Place, stand
+from warpvis.situations._images import make_images
 from warpvis.situations._kinds import KINDS, sees
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._observations import Viewer, sights_of
@@ -157,12 +156,12 @@ class SituationGenerator:
 
     def _single(self, stage: Stage, arranged: Arrangements, count: int, numbers: Numbers) -> list[_Draft]:
         """Return situations of one moment with balanced questions of all kinds."""
-        panel = arranged.panel
-        pools = [make(panel) for make in KINDS]
-        pools += [make(panel, numbers) for make in HYPOTHETICALS]
-        pools.append(stand(panel, numbers, _places_of(stage), _EYE_HEIGHT))
+        panel, kinds = arranged.panel, self.options.questions
+        pools = [make(panel) for kind, make in KINDS.items() if kind in kinds]
+        pools += [make(panel, numbers) for kind, make in HYPOTHETICALS.items() if kind in kinds]
+        if "stand" in kinds:
+            pools.append(stand(panel, numbers, _places_of(stage), _EYE_HEIGHT))
         asked: dict[int, list[Question]] = defaultdict(list)
-        pools = [pool for pool in pools if pool.kind in self.options.questions]
         remaining = [(pool, _in_lots(pool, count, numbers)) for pool in pools]
         while remaining and len(asked) < count:
             for entry in list(remaining):
@@ -186,12 +185,14 @@ class SituationGenerator:
         panel, drafts = arranged.panel, list[_Draft]()
         if "sees" not in self.options.questions:
             return drafts
-        for number, pair in enumerate(find_pairs(stage, arranged, count, numbers)):
+        for number, pair in enumerate(find_pairs(stage, arranged, numbers)):
+            if len(drafts) >= 2 * count:
+                break
             rows = np.array([pair.world])
             viewers, twins, placed = panel.viewers_at(rows), [], []
-            for move in (pair.hidden, pair.visible):
+            for end in (pair.hidden, pair.visible):
                 poses = panel.object_poses[rows].copy()
-                stage.move(poses, pair.blocker, move)
+                poses[:, stage.column(pair.blocker)] = end
                 found = panel.watch.observe(viewers, poses)
                 changed = replace(panel, participants=viewers[:-1], camera=viewers[-1], object_poses=poses, found=found)
                 pool = sees(changed)
@@ -239,8 +240,11 @@ class SituationGenerator:
             for number in range(len(every[0]))
         ]
         found = stage.watch.observe(viewers, poses)
-        images = self._render(stage, viewers, poses)
+        views = viewers if self.options.views == "all" else viewers[-1:]
         things = [item.name for item in stage.things]
+        present = np.ones((len(poses), len(stage.watch.targets)), dtype=np.bool_)
+        present[:, : len(things)] = poses[:, [stage.column(name) for name in things], 2] > ABSENT[2]
+        images = make_images(stage.watch, viewers[:-1], views, poses, present, self.options.outputs)
         movable = [stage.scene.objects[index].name for index in stage.scene.movable]
         situations, row = [], 0
         for number, draft in enumerate(drafts):
@@ -251,10 +255,10 @@ class SituationGenerator:
                 sight
                 for time, index in enumerate(rows)
                 for sight in sights_of(found, index, viewers, things, stage.scene, time)
-                if poses[index, stage.column(sight.thing), 2] > ABSENT[2]
+                if present[index, things.index(sight.thing)]
             ]
-            names = {f"{view}/{name}" + (f"/{time}" if count > 1 else ""): array[index]
-                     for (view, name), array in images.items() for time, index in enumerate(rows)}  # fmt: skip
+            names = {f"{view}/{name}" + (f"/{time}" if count > 1 else ""): arrays[index]
+                     for (view, name), arrays in images.items() for time, index in enumerate(rows)}  # fmt: skip
             described = tuple(
                 Moment(
                     _things(stage, poses[index]),
@@ -286,21 +290,6 @@ class SituationGenerator:
                 )
             )
         return situations
-
-    def _render(
-        self, stage: Stage, viewers: list[Viewer], poses: NDArray[np.float32]
-    ) -> dict[tuple[str, str], NDArray[Any]]:
-        """Return images by view and output, shape ``(n, H, W)`` or ``(n, H, W, 3)``."""
-        images: dict[tuple[str, str], NDArray[Any]] = {}
-        if not self.options.outputs:
-            return images
-        for viewer in viewers if self.options.views == "all" else viewers[-1:]:
-            renderer = Renderer(stage.scene, viewer.camera, outputs=self.options.outputs)
-            hidden = [stage.scene.index(name) for name in viewer.body]
-            views = renderer.render(viewer.eyes.astype(np.float32), object_poses=poses, exclude=hidden or None)
-            for name in self.options.outputs:
-                images[viewer.name, name] = getattr(views, name).numpy().copy()
-        return images
 
 
 def _in_lots(pool: Pool, count: int, numbers: Numbers) -> Iterator[list[int]]:

@@ -125,10 +125,10 @@ def stand(panel: Panel, random: Numbers, places: Sequence[Place], height: float)
         empty = np.zeros(0, dtype=np.int64)
         return make_pool(panel, "stand", (empty, empty, empty), empty, _nothing)
     targets = panel.eyes(rows[0], rows[1])[:, :3] + panel.offsets(rows)
-    shares = np.zeros((len(rows[0]), len(places)))
-    for number, place in enumerate(places):
-        start = np.broadcast_to([*place.position, height], targets.shape)
-        shares[:, number] = panel.shares(rows, eyes=look_along(start, targets - start, 2))
+    start = np.tile([(*place.position, height) for place in places], (len(targets), 1))
+    eyes = look_along(start, np.repeat(targets, len(places), axis=0) - start, 2)
+    repeated = tuple(np.repeat(column, len(places)) for column in rows)
+    shares = panel.shares(repeated, eyes=eyes).reshape(-1, len(places))
     seen, unseen = shares >= SEEN, shares <= HIDDEN
     asked = seen.any(axis=1) & (unseen.sum(axis=1) >= 1)
     rows, shares, seen, unseen = tuple(column[asked] for column in rows), shares[asked], seen[asked], unseen[asked]
@@ -155,5 +155,5 @@ def _nothing(row: int) -> Question:
     raise IndexError(row)
 
 
-HYPOTHETICALS: tuple[Callable[[Panel, Numbers], Pool], ...] = (without, step)
+HYPOTHETICALS: dict[str, Callable[[Panel, Numbers], Pool]] = {"without": without, "step": step}
 """The kinds that suppose a change; `stand` needs places, too."""

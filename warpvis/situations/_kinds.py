@@ -298,5 +298,13 @@ def who_sees(panel: Panel) -> Pool:
     return make_pool(panel, "who", rows, answer.astype(np.int64), write)
 
 
-KINDS: tuple[Callable[[Panel], Pool], ...] = (sees, how_much, reasons, left_right, nearer, meant, who_sees)
+KINDS: dict[str, Callable[[Panel], Pool]] = {
+    "sees": sees,
+    "how_much": how_much,
+    "why_not": reasons,
+    "left_right": left_right,
+    "nearer": nearer,
+    "meant": meant,
+    "who": who_sees,
+}
 """The kinds of questions that need no further observations."""

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, field
+from typing import Literal, get_args
 
 from warpvis.core.checks import as_items, as_path, check_choice, check_whole, is_number
-from warpvis.core.outputs import Output
 from warpvis.errors import SceneError
 from warpvis.situations._stage_items import StageOptions
 from warpvis.situations._wording import WORDINGS
@@ -18,7 +18,8 @@ QUESTION_KINDS = tuple(WORDINGS)
 """The kinds of questions."""
 PROCEDURAL = "procedural"
 """Name of furnished rooms among scenes."""
-_OUTPUTS = ("color", "depth", "segmentation")
+ImageName = Literal["color", "depth", "segmentation", "amodal_masks", "seen_by"]
+"""Names of images of a situation."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,11 @@ class SituationOptions:
     """Number of situations per shard."""
     questions: tuple[str, ...] = QUESTION_KINDS
     """Kinds of questions."""
-    outputs: tuple[Output, ...] = ("color",)
-    """Images of each view: ``"color"``, ``"depth"``, ``"segmentation"``."""
+    outputs: tuple[ImageName, ...] = ("color",)
+    """Images of each view: ``"color"``, ``"depth"`` and ``"segmentation"`` as in `warpvis.Views`; ``"amodal_masks"``,
+    2 where an object of interest or a participant is visible, 1 elsewhere in its silhouette, else 0, shape
+    ``(K, H, W)`` uint8, in the order of `Moment.things` and `Moment.participants`; ``"seen_by"``, whose bit p is set
+    where participant p sees the pixel's surface, ``(H, W)`` uint8. Own bodies are in no mask, and are not seen."""
     views: str = "camera"
     """``"camera"`` for the camera of the pictures only, ``"all"`` for the participants' views, too."""
     stage: StageOptions = field(default_factory=StageOptions)
@@ -54,7 +58,7 @@ class SituationOptions:
         if len(ends) != 2 or not all(map(is_number, ends)) or not 0 <= ends[0] <= ends[1] <= 1:
             raise SceneError(f"clutter must be two numbers from 0 to 1 in ascending order, got {self.clutter!r}")
         object.__setattr__(self, "clutter", tuple(map(float, ends)))
-        for name, known in (("rooms", ROOM_KINDS), ("questions", QUESTION_KINDS), ("outputs", _OUTPUTS)):
+        for name, known in (("rooms", ROOM_KINDS), ("questions", QUESTION_KINDS), ("outputs", get_args(ImageName))):
             items = as_items(getattr(self, name), name, SceneError)
             for item in items:
                 check_choice(item, name, known, SceneError)

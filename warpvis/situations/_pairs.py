@@ -5,25 +5,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.core.poses import poses_to_matrices
 from warpvis.situations._kinds import about_pairs
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._panel import HIDDEN, SEEN
 from warpvis.situations._stage import Arrangements, Stage
-from warpvis.situations._stage_items import TALL
+from warpvis.situations.rooms import RoomItem
 
 MAX_MOVE = 0.05
 """Maximum distance by which the blocker of a pair moves [m]."""
 _STEP = 0.0125
-_REACH = 0.25
-"""Movements from the arrangement that are tried, to both sides [m]."""
-_MAX_TRIALS = 48
-_GAPS = (0.04, 0.25)
-"""Distances between the blocker and the object [m]."""
+_REACH = 0.1
+"""Movements of a blocker to both sides of its place that are tried [m]."""
+_MAX_TRIALS = 160
+_MIN_SHARE = 0.3
+"""Nearest place of a blocker between the eyes, 0, and the object, 1."""
+_GAP = 0.03
+"""Minimum distance between the boxes of the blocker and the object, along the line of sight [m]."""
 _MAX_ANGLE = math.radians(50)
 
 
@@ -37,90 +41,94 @@ class Pair(NamedTuple):
     blocker: str
     """Name of the object that moves."""
     hidden: NDArray[np.float64]
-    """Movement from the arrangement with which the object is hidden, in the room [m], shape ``(3,)``."""
+    """Pose of the blocker with which the object is hidden, shape ``(7,)``."""
     visible: NDArray[np.float64]
-    """Movement with which it is visible [m], shape ``(3,)``."""
+    """Pose with which it is visible, shape ``(7,)``."""
 
     @property
     def distance(self) -> float:
         """Distance between both places of the blocker [m]."""
-        return float(np.linalg.norm(self.visible - self.hidden))
+        return float(np.linalg.norm(self.visible[:3] - self.hidden[:3]))
 
 
-def find_pairs(stage: Stage, arranged: Arrangements, count: int, numbers: Numbers) -> list[Pair]:
-    """Find at most `count` pairs, each in a different arrangement."""
-    rows, blocked, starts = _candidates(stage, arranged, numbers)
-    if not len(rows) or not count:
-        return []
+def find_pairs(stage: Stage, arranged: Arrangements, numbers: Numbers) -> Iterator[Pair]:
+    """Find pairs, each in a different arrangement."""
+    rows, blockers, places = _candidates(stage, arranged, numbers)
     offsets = np.arange(-_REACH, _REACH + _STEP / 2, _STEP)
-    along = arranged.panel.offsets(tuple(rows.T))
-    sideways = np.column_stack([-along[:, 1], along[:, 0], np.zeros(len(along))])
-    sideways /= np.maximum(np.linalg.norm(sideways, axis=1, keepdims=True), 1e-9)
-    moves = starts[:, None] + offsets[None, :, None] * sideways[:, None]
-    shares = _shares(stage, arranged, rows, blocked, moves)
-    found: list[Pair] = []
-    for row, blocker, move, share in zip(rows.tolist(), blocked, moves, shares, strict=True):
-        pair = _nearest_flip(share, round(MAX_MOVE / _STEP))
-        if pair is None:
-            continue
+    ends = np.repeat(places[:, None], len(offsets), axis=1)
+    ends[..., :3] += offsets[:, None] * _sideways(arranged.panel.offsets(tuple(rows.T)))[:, None]
+    shares = _shares(stage, arranged, rows, blockers, ends)
+    for row, blocker, poses, share in zip(rows.tolist(), blockers, ends, shares, strict=True):
+        flip = _nearest_flip(share, round(MAX_MOVE / _STEP))
         world, agent, thing = row
-        one = Pair(world, agent, thing, blocker, move[pair[0]], move[pair[1]])
-        if all(stage.fits(arranged, world, blocker, end) for end in (one.hidden, one.visible)):
-            found.append(one)
-        if len(found) == count:
-            break
-    return found
+        if flip is not None and all(stage.fits(arranged, world, blocker, poses[step]) for step in flip):
+            yield Pair(world, agent, thing, blocker, poses[flip[0]], poses[flip[1]])
 
 
 def _candidates(
     stage: Stage, arranged: Arrangements, numbers: Numbers
 ) -> tuple[NDArray[np.int64], list[str], NDArray[np.float64]]:
-    """Put blockers in front of objects, on the same support.
+    """Choose free places of blockers, one per arrangement, where an edge of them is in the line of sight to an object.
 
     Returns:
-        Rows ``world, agent, thing``, one per arrangement; the blockers' names; and their movements from the arrangement
-        [m], shape ``(n, 3)``.
+        Rows ``world, agent, thing``; the blockers' names; and their poses, shape ``(n, 7)``.
     """
-    panel, items = arranged.panel, [item for item in stage.blockers if not item.name.startswith(TALL)]
+    panel = arranged.panel
     ahead = np.abs(panel.found.azimuth[:, :-1, : len(panel.things)]) < _MAX_ANGLE
     every = np.stack(np.nonzero(about_pairs(panel) & ahead), axis=1)
     every = every[numbers.order(len(every))]
-    which, gaps = numbers.below(max(len(items), 1), len(every)), numbers.uniform(*_GAPS, len(every))
-    rows, names, starts, used = list[list[int]](), list[str](), list[NDArray[np.float64]](), set[int]()
-    for row, item_number, gap in zip(every.tolist(), which.tolist(), gaps.tolist(), strict=True):
-        if len(rows) == _MAX_TRIALS or not items:
-            break
-        world, agent, thing = row
-        if world in used:
-            continue
-        item, number = items[item_number], stage.bodies().index(panel.things[thing])
-        place = arranged.placing.center(arranged.kept[world], number)
-        toward = panel.participants[agent].eyes[world, :2] - place[:2]
-        toward /= max(float(np.linalg.norm(toward)), 1e-9)
-        reach = 0.5 * (math.hypot(*item.size[:2]) + math.hypot(*stage.item(panel.things[thing]).size[:2])) + gap
-        goal = place + np.array([*toward * reach, 0.0])
-        start = goal - arranged.placing.center(arranged.kept[world], stage.bodies().index(item.name))
-        if stage.fits(arranged, world, item.name, start):
-            used.add(world)
-            rows.append(row)
-            names.append(item.name)
-            starts.append(start)
-    return np.array(rows, dtype=np.int64).reshape(-1, 3), names, np.array(starts).reshape(-1, 3)
+    found = [np.zeros((0, 3), dtype=np.int64)]
+    for number, item in enumerate(stage.blockers):
+        row, place = np.nonzero(_hides(stage, arranged, item, every))
+        centers = stage.floor_centers(item, stage.places(item.name)[place])
+        free = arranged.placing.is_free(arranged.kept[every[row, 0]], centers, stage.bodies().index(item.name))
+        found.append(np.column_stack([row, np.full(len(row), number), place])[free])
+    tried = np.concatenate(found)
+    tried = tried[numbers.order(len(tried))]
+    first = np.sort(np.unique(every[tried[:, 0], 0], return_index=True)[1])[:_MAX_TRIALS]
+    chosen = [(row, stage.blockers[number].name, place) for row, number, place in tried[first].tolist()]
+    poses = np.array([stage.places(name)[place] for _, name, place in chosen], dtype=np.float64).reshape(-1, 7)
+    return every[tried[first, 0]], [name for _, name, _ in chosen], poses
+
+
+def _hides(stage: Stage, arranged: Arrangements, item: RoomItem, rows: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Return whether a blocker at each of its m places has an edge near the line of sight, shape ``(n, m)``."""
+    panel, places = arranged.panel, stage.places(item.name)
+    along, eyes = panel.offsets(tuple(rows.T)), panel.eyes(rows[:, 0], rows[:, 1])[:, None, :3]
+    sizes = np.array([stage.item(name).size for name in panel.things]).reshape(-1, 3)[rows[:, 2], None]
+    length, sideways = np.hypot(along[:, 0], along[:, 1])[:, None], _sideways(along)
+    forward = np.column_stack([sideways[:, 1], -sideways[:, 0], np.zeros(len(rows))])
+    offsets = stage.floor_centers(item, places)[None] - eyes
+    ahead, aside = (np.einsum("nmk,nk->nm", offsets, axis) for axis in (forward, sideways))
+    axes = poses_to_matrices(places)[:, :3, :2] * np.array(item.size[:2]) / 2
+    depth, half = (np.abs(np.einsum("mkj,nk->nmj", axes, axis)).sum(axis=-1) for axis in (forward, sideways))
+    share = ahead / np.maximum(length, 1e-9)
+    between = (share >= _MIN_SHARE) & (ahead + depth + np.hypot(sizes[..., 0], sizes[..., 1]) / 2 + _GAP <= length)
+    # Seen from the eyes, the blocker covers the object from below its lower end to above its upper end.
+    low, high = ((along[:, None, 2] + sign * sizes[..., 2] / 2) * share for sign in (-1, 1))
+    covers = (offsets[..., 2] <= low) & (offsets[..., 2] + item.size[2] >= high)
+    return between & covers & (np.abs(np.abs(aside) - half) <= _REACH / 2)
+
+
+def _sideways(along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return horizontal unit vectors at right angles to directions, shape ``(n, 3)``."""
+    sideways = np.column_stack([-along[:, 1], along[:, 0], np.zeros(len(along))])
+    return sideways / np.maximum(np.linalg.norm(sideways, axis=1, keepdims=True), 1e-9)
 
 
 def _shares(
     stage: Stage,
     arranged: Arrangements,
     rows: NDArray[np.integer],
-    blocked: list[str],
-    moves: NDArray[np.float64],
+    blockers: list[str],
+    places: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the visible share of each row's object after each movement of its blocker, shape ``(n, offsets)``."""
-    steps = moves.shape[1]
+    """Return the visible share of each row's object with its blocker at each of some places, ``(n, places)``."""
+    steps = places.shape[1]
     repeated = np.repeat(rows, steps, axis=0)
     poses = arranged.panel.object_poses[repeated[:, 0]]
-    for index, (blocker, offsets) in enumerate(zip(blocked, moves, strict=True)):
-        stage.move(poses[index * steps : (index + 1) * steps], blocker, offsets)
+    for index, (blocker, ends) in enumerate(zip(blockers, places, strict=True)):
+        poses[index * steps : (index + 1) * steps, stage.column(blocker)] = ends
     return arranged.panel.shares(tuple(repeated.T), object_poses=poses).reshape(-1, steps)
 
 

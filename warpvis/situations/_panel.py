@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warpvis.cameras.pinhole import Camera
 from warpvis.core.labels import Visibility
 from warpvis.core.poses import poses_to_matrices
 from warpvis.scene import Scene
@@ -26,11 +27,18 @@ Rows = Sequence[NDArray[np.integer]]
 _IN_PICTURE = 0.5
 _PERSON_IN_PICTURE = 0.3
 """Minimum visible shares of the objects and the participants of a question in the picture."""
+MIN_PIXELS = 8.0
+"""Minimum size of the objects of a question in the picture, the diagonal of the box [px]."""
 
 
 def is_clear(shares: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return where visible shares are those of something visible, or of something that is not, but nothing between."""
     return (shares >= SEEN) | (shares <= HIDDEN)
+
+
+def pixels_of(camera: Camera, sizes: NDArray[np.float64], distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return about how large objects of some sizes [m] are in an image at distances [m], in pixels."""
+    return camera.fx * sizes / np.maximum(distances, 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,8 @@ class Panel:
     """How questions refer to the objects of the scene, by name: ``"the red mug"``. Structure of the room has none."""
     categories: dict[str, str]
     """Classes of the objects of interest."""
+    sizes: NDArray[np.float64]
+    """Diagonals of their boxes [m], shape ``(T,)``."""
     object_poses: NDArray[np.float32]
     """Poses of the scene's movable objects, shape ``(W, M, 7)``."""
     found: Observations
@@ -66,8 +76,10 @@ class Panel:
 
     @property
     def in_picture(self) -> NDArray[np.bool_]:
-        """Whether an object is well visible in the picture, shape ``(W, T)``."""
-        return self.found.fraction[:, -1, : len(self.things)] >= _IN_PICTURE
+        """Whether an object is well visible in the picture, and not too small, shape ``(W, T)``."""
+        count = len(self.things)
+        pixels = pixels_of(self.camera.camera, self.sizes, self.found.distance[:, -1, :count])
+        return (self.found.fraction[:, -1, :count] >= _IN_PICTURE) & (pixels >= MIN_PIXELS)
 
     @property
     def participant_in_picture(self) -> NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from warpvis.core.types import DeviceLike
 from warpvis.planning import look_along
 from warpvis.situations._numbers import Numbers
 from warpvis.situations._observations import Observations, Viewer, Watch
-from warpvis.situations._panel import Panel
+from warpvis.situations._panel import MIN_PIXELS, Panel, pixels_of
 from warpvis.situations._placing import ABSENT, Placing
 from warpvis.situations._stage_items import (
     BLOCKERS,
@@ -88,7 +88,7 @@ class Stage:
         taken = Counter(item.category for item in room.items)
         self.things = choose_items(TARGETS, taken, numbers, "thing", (2, 2, 1, 1, 1))
         self.blockers = choose_items(BLOCKERS, taken, numbers, "blocker", (1, 1, 1, 1))
-        self.blockers += choose_items(TALL_BLOCKERS, taken, numbers, TALL, (2,))
+        self.blockers += choose_items(TALL_BLOCKERS, taken, numbers, TALL, (2, 2))
         self._places, self._supports = self._find_places()
         self.things, self.blockers = (
             [item for item in items if len(self._places[item.name]) >= _MIN_PLACES]
@@ -137,30 +137,35 @@ class Stage:
         things, blockers = ([item.name for item in items] for items in (self.things, self.blockers))
         return [*things, *self.people, *([ROBOT] if self.options.robot else []), *blockers]
 
-    def move(self, poses: NDArray[np.float32], name: str, offset: NDArray[np.float64]) -> None:
-        """Move an object of interest or a blocker by offsets ``(W, 3)`` [m] in poses ``(W, M, 7)``."""
-        poses[:, self._columns[name], :3] += offset.astype(np.float32)
-
     def standing_spots(self) -> NDArray[np.float64]:
         """Return positions where a person can stand [m], shape ``(n, 3)``."""
         return self._places[""]
+
+    def places(self, name: str) -> NDArray[np.float64]:
+        """Return poses of an object of interest or a blocker that are free of furniture, shape ``(n, 7)``."""
+        return self._places[name]
+
+    def floor_centers(self, item: RoomItem, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the centers of an item's base at poses ``(n, 7)`` [m], shape ``(n, 3)``."""
+        low, high = item.shape.bounds
+        middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0])
+        centers: NDArray[np.float64] = poses[:, :3] + poses_to_matrices(poses)[:, :3, :3] @ middle
+        return centers
 
     def column(self, name: str) -> int:
         """Return the column of a movable object in poses."""
         return self._columns[name]
 
-    def fits(self, arranged: Arrangements, world: int, name: str, offset: NDArray[np.float64]) -> bool:
-        """Return whether an object may be moved by an offset [m]: it stays on its support, and overlaps nothing."""
-        item = self.item(name)
-        pose = arranged.panel.object_poses[world, self._columns[name]].astype(np.float64)
-        x, y, z = pose[:3] + offset
+    def fits(self, arranged: Arrangements, world: int, name: str, pose: NDArray[np.float64]) -> bool:
+        """Return whether an object has space at a pose ``(7,)``: it is on a support, and overlaps nothing."""
+        item, number = self.item(name), self.bodies().index(name)
         yaw = math.degrees(2 * math.atan2(pose[5], pose[6]))
+        x, y, z = pose[:3].tolist()
         boxes = boxes_of(item.shape, x, y, z, yaw)
         if not self.room.free_space.holds(boxes, _MAX_OVERHANG * min(item.size[:2])):
             return False
-        number = self.bodies().index(name)
-        center = arranged.placing.center(arranged.kept[world], number) + offset
-        return bool(arranged.placing.is_free(arranged.kept[world : world + 1], center[None], number)[0])
+        center = self.floor_centers(item, pose[None])
+        return bool(arranged.placing.is_free(arranged.kept[world : world + 1], center, number)[0])
 
     def _find_places(self) -> tuple[dict[str, NDArray[np.float64]], dict[str, list[str]]]:
         """Return rows ``x y z qx qy qz qw`` of places of each object's frame, by name, shape ``(n, 7)``.
@@ -223,9 +228,7 @@ class Stage:
     ) -> NDArray[np.float64]:
         """Place an object in the arrangements with room for it, and return the center of its box, shape ``(W, 3)``."""
         rows = self._places[item.name]
-        low, high = item.shape.bounds
-        middle = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, 0.0])
-        floor = rows[:, :3] + poses_to_matrices(rows)[:, :3, :3] @ middle
+        floor = self.floor_centers(item, rows)
         radius = 0.5 * math.hypot(item.size[0], item.size[1])
         middle_height = [0, 0, min(item.size[2] / 2, 1.0)]
         wished = None if between is None else self._hiding_places(floor + middle_height, *between)
@@ -359,13 +362,12 @@ class Stage:
         number = self.bodies().index(name)
         now = self._support_of(arranged, world, name)
         rows, item = self._places[name], self.item(name)
-        middle = np.array([*np.mean(np.array(item.shape.bounds)[:, :2], axis=0), 0.0])
         for index in numbers.order(len(rows))[:_TRIED_PLACES]:
             support = self._supports[name][index]
             if support in (now, "") or support not in self.words:
                 continue
-            center = rows[index, :3] + poses_to_matrices(rows[index])[:3, :3] @ middle
-            if arranged.placing.is_free(arranged.kept[world : world + 1], center[None], number)[0]:
+            center = self.floor_centers(item, rows[index : index + 1])
+            if arranged.placing.is_free(arranged.kept[world : world + 1], center, number)[0]:
                 return rows[index].astype(np.float32), support
         return None
 
@@ -400,15 +402,19 @@ class Stage:
             Viewer("camera", "camera", self.options.picture, np.repeat(row[None], worlds, axis=0)) for row in eyes
         ]
         found = self.watch.observe([*viewers, *cameras], poses)
-        people = len(viewers)
-        score = np.minimum(found.fraction[:, people:], 0.6).sum(axis=2)
+        people, count = len(viewers), len(self.things)
+        sizes = np.linalg.norm(np.array([item.size for item in self.things]).reshape(-1, 3), axis=1)
+        shares = np.minimum(found.fraction[:, people:], 0.6)
+        distances = found.distance[:, people:, :count]
+        shares[..., :count][pixels_of(self.options.picture, sizes, distances) < MIN_PIXELS] = 0
+        score = shares.sum(axis=2)
         best = people + score.argmax(axis=1)
         columns = np.column_stack([np.tile(np.arange(people), (worlds, 1)), best])
         taken = {name: getattr(found, name)[np.arange(worlds)[:, None], columns] for name in found.__dataclass_fields__}
         camera = Viewer("camera", "camera", self.options.picture, eyes[best - people])
         categories = {item.name: item.category for item in self.things}
         names = tuple(item.name for item in self.things)
-        return Panel(self.watch, viewers, camera, names, self.words, categories, poses, Observations(**taken))
+        return Panel(self.watch, viewers, camera, names, self.words, categories, sizes, poses, Observations(**taken))
 
 
 def _wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,7 +28,7 @@ SHIRTS = {"red": (0.75, 0.12, 0.12), "blue": (0.12, 0.25, 0.7), "green": (0.1, 0
 TARGETS = (
     "mug", "bottle", "bowl", "vase", "book", "can", "teapot", "ball", "teddy bear", "toy car", "cushion", "flask",
 )  # fmt: skip
-TALL_BLOCKERS = ("screen",)
+TALL_BLOCKERS = ("screen", "poster stand")
 BLOCKERS = ("box", "speaker", "toolbox", "books", "pot", "kettle", "monitor", "printer", "toaster", "basket")
 TALL = "tall"
 """Prefix of the names of blockers that stand on the floor."""

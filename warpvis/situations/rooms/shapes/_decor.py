@@ -229,6 +229,19 @@ def screen(b: ShapeBuilder, panels: int = 3, height: float = 1.7) -> None:
         b.box((0.36, 0.05, 0.05), (0, side * ((panels - 1) * 0.3 + 0.2), 0), "oak")
 
 
+@category(
+    "poster stand", {}, {"width": 0.6}, colors=("white", "red", "blue", "green", "yellow", "orange"), movable=True
+)
+def poster_stand(b: ShapeBuilder, width: float = 0.5, height: float = 1.65) -> None:
+    """Build a panel with a poster on a foot; x is its front."""
+    b.box((0.32, width, 0.02), (0, 0, 0), "metal")
+    b.box((0.04, width, height - 0.02), (0, 0, 0.02), "metal")
+    for side in (-1, 1):
+        b.box((0.002, width - 0.04, height - 0.1), (side * 0.021, 0, 0.06), MAIN)
+        b.box((0.002, width - 0.12, 0.3), (side * 0.023, 0, height - 0.45), "paper")
+        b.box((0.002, width - 0.2, 0.06), (side * 0.023, 0, height - 0.6), "paper")
+
+
 @category("pillar", {}, {"width": 0.3}, {"height": 2.7}, colors=("white", "gray", "beige"))
 def pillar(b: ShapeBuilder, width: float = 0.4, height: float = 2.6) -> None:
     """Build a square pillar with a base."""
