@@ -22,8 +22,10 @@ _MAX_INDEX = 65_534
 
 MEANING = (
     "`color` is sRGB of 8 bits. `depth` is a PNG of 16 bits in millimeters, 0 without a surface. Images of indices "
-    "(`segmentation`) are a PNG of 16 bits with the index + 1, 0 for none. Other arrays are `.npz` files with the "
-    "array `image`."
+    "(`segmentation`) are a PNG of 16 bits with the index + 1, 0 for none. In `seen_by`, a PNG of 8 bits, bit p is "
+    "set where participant p sees the pixel's surface. Other arrays are `.npz` files with the array `image`: in "
+    "`amodal_masks`, of shape `(K, H, W)`, a pixel is 2 where an object of interest or a participant is visible, 1 "
+    "elsewhere in its silhouette, else 0. The K masks are in the order of `things` and then `participants` of `record`."
 )
 """Values of the files, for datasheets."""
 
