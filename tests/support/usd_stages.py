@@ -119,6 +119,13 @@ def Xform "room" (prepend apiSchemas = ["SemanticsLabelsAPI:class"])
     def Capsule "pill" {{
         uniform token axis = "X"
     }}
+    def Cylinder "can" (prepend apiSchemas = ["PhysicsRigidBodyAPI"])
+    {{
+        double radius = 0.5
+        double height = 1.5
+        float3 xformOp:scale = (1, 2, 3)
+        uniform token[] xformOpOrder = ["xformOp:scale"]
+    }}
     def PhysicsRevoluteJoint "hinge"
     {{
         rel physics:body1 = </room/box>
