@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import dropwhile, takewhile
 from pathlib import Path
@@ -27,18 +27,17 @@ def table_rows(page: str, heading: str = "How each element is read") -> list[str
 
 
 @cache
-def _test_names(module: str) -> frozenset[str]:
-    tree = ast.parse((_TESTS / f"{module}.py").read_text(encoding="utf-8"))
+def _test_names(file: str) -> frozenset[str]:
+    tree = ast.parse((_TESTS / file).read_text(encoding="utf-8"))
     return frozenset(node.name for node in tree.body if isinstance(node, ast.FunctionDef))
 
 
-def check_rows(page: str, tests: Mapping[str, str], heading: str = "How each element is read") -> None:
+def check_rows(page: str, tests: Mapping[str, Sequence[str]], heading: str = "How each element is read") -> None:
     """Check that each row of a page's table has tests, and that these exist.
 
     Args:
         page: File name of the page.
-        tests: Tests by the first cell of their row: ``"test_module::test_a, test_b"``, several modules separated by
-            semicolons.
+        tests: Tests by the first cell of their row: ``"test_module.py::test_name"``.
         heading: Heading of the section of the table.
     """
     rows = table_rows(page, heading)
@@ -46,7 +45,7 @@ def check_rows(page: str, tests: Mapping[str, str], heading: str = "How each ele
     assert [row for row in rows if row not in tests] == [], f"rows of {page} without a test"
     assert [row for row in tests if row not in rows] == [], f"tests of rows that {page} does not have"
     for row, names in tests.items():
-        for group in names.split(";"):
-            module, _, functions = group.strip().partition("::")
-            missing = [name for name in functions.split(",") if name.strip() not in _test_names(module)]
-            assert not missing, f"{module} has no test {missing}, named for the row {row!r}"
+        assert names, f"the row {row!r} has no test"
+        for name in names:
+            file, _, function = name.partition("::")
+            assert function in _test_names(file), f"{file} has no test {function}, named for the row {row!r}"
