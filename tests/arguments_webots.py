@@ -37,6 +37,10 @@ def webots_cases(folder):
             wv.webots.add_noise,
             {"values": DEPTH[0], "noise": 0.1, "max_range": 3.0, "version": world.version, "seed": 0},
         ),
+        "WebotsWorld.device_poses": (
+            world.device_poses,
+            {"name": "range-finder", "values": {}, "check_limits": True},
+        ),
         "distort_pixels": (
             wv.webots.distort_pixels,
             {"width": 8, "height": 6, "center": (0.5, 0.5), "radial": (0, 0), "tangential": (0, 0)},
@@ -53,6 +57,7 @@ def webots_cases(folder):
                 "label_names": {9: "shelf"},
                 "search_path": [folder],
                 "strict": False,
+                "movable": ["box"],
             },
         ),
         "quantize": (wv.webots.quantize, {"values": DEPTH[0], "resolution": 0.1}),

@@ -260,7 +260,7 @@ NAMES = (
     "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
     "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
-    "Viewer view MujocoStage read_scene "
+    "Viewer view MujocoStage read_scene Webots "
     "Body Colors Figure Person at_ in_circle in_queue read_figure crouching looking_ pointing posed reaching sitting "
     "stature walking generate_ Room Situation Stage "
 ).split()

@@ -13,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import FileFormatError, PoseError, SceneError
 from warpvis.webots import load_webots
 
@@ -339,6 +340,42 @@ def test_robots_with_joints_float(tmp_path):
     np.testing.assert_allclose(places, [(5, 0, 1), (4, 0, 1)], atol=1e-6)
 
 
+def test_devices_move_with_their_links(tmp_path):
+    """The images of a camera on a moved link are those of the world saved there."""
+    pose = np.array([1.0, 0, 0.5]), Rotation.from_rotvec((0.1, 0.2, 0.3))
+    inside = 'Camera { name "eye" translation 0.2 0 0 width 8 height 6 } Lidar { name "lidar" translation 0 0 0.1 }'
+
+    def text(pose, position):
+        hinge = joint_text("HingeJoint", 0, pose, [(0, 0, 1)], (0.5, 0, 0), [position], inside)
+        return f"Robot {{ translation 0 0 1 children [ RangeFinder {{ }} {hinge} ] }}"
+
+    world = load(tmp_path, text(pose, 0.25))
+    assert [world.devices[name].link for name in ("eye", "range-finder")] == ["link0", "robot"]
+    assert world.lidars["lidar"].link == "link0"
+    other = load(tmp_path, text(moved("HingeJoint", [(0, 0, 1)], (0.5, 0, 0), pose, [0.25], [1.0]), 1.0))
+    for name, expected in (("eye", other.devices["eye"].pose), ("lidar", other.lidars["lidar"].pose)):
+        rows = world.device_poses(name, {"j0": [0.25, 1.0]})
+        saved = (world.devices | world.lidars)[name].pose
+        for row, place in zip(rows, (saved, expected), strict=True):
+            np.testing.assert_allclose(row[:3], place[:3], atol=1e-9)
+            turn = Rotation.from_quat(row[3:]).inv() * Rotation.from_quat(place[3:])
+            assert turn.magnitude() < 1e-6
+    saved = world.devices["range-finder"].pose
+    np.testing.assert_allclose(
+        poses_to_matrices(world.device_poses("range-finder")[0]), poses_to_matrices(saved), atol=1e-9
+    )
+    assert world.device_poses("range-finder", {"j0": [0.25, 1.0]}).shape == (2, 7)
+    with pytest.raises(SceneError, match="no device or lidar 'nose'; it has 'lidar', 'range-finder', 'eye'"):
+        world.device_poses("nose")
+
+
+def test_devices_of_static_solids(tmp_path):
+    world = load(tmp_path, f'Robot {{ translation 0 0 1 children [ {BOX} Camera {{ name "eye" }} ] }}')
+    assert world.devices["eye"].link == ""
+    (found,) = world.device_poses("eye")
+    np.testing.assert_allclose(poses_to_matrices(found), poses_to_matrices(world.devices["eye"].pose), atol=1e-12)
+
+
 def test_scaled_sliders_move_meters_of_the_world(tmp_path):
     fields = "jointParameters JointParameters { position 1 minStop 0 maxStop 2 }"
     end = f'endPoint Solid {{ name "tip" translation 0 0 1 children [ {BOX} ] }}'
@@ -399,7 +436,7 @@ def test_axes_of_zero_are_replaced_as_in_webots(tmp_path):
 
 
 def test_many_joints_are_fixed_beyond_a_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr("warpvis.webots._walk.MAX_JOINTS", 3)
+    monkeypatch.setattr("warpvis.webots._joints.MAX_JOINTS", 3)
     joint = f'HingeJoint {{ endPoint Solid {{ name "w" children [ {BOX} ] }} }}'
     (tmp_path / "a.wbt").write_text(f"#VRML_SIM R2023b utf8\nSolid {{ children [ {joint * 5} ] }}\n")
     with pytest.warns(UserWarning, match="expected at most 3 joints, got more; they are fixed"):

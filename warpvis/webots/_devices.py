@@ -87,6 +87,8 @@ class Device:
     """Fields of a camera that change its colors in Webots, but not in `render_color`, such as ``"motionBlur"``."""
     notes: tuple[str, ...] = ()
     """Corrections of invalid fields, the same that Webots makes."""
+    link: str = ""
+    """Name of the link of `Scene.joints` that it moves with; empty if it is static."""
 
     @property
     def measures(self) -> bool:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from warpvis.core.arrays import FARTHEST
 from warpvis.core.poses import poses_to_opencv
-from warpvis.errors import SceneError, WarpvisError
+from warpvis.errors import FileFormatError, SceneError, WarpvisError
 from warpvis.scene.joints import Joint, JointTree
 from warpvis.webots._nodes import Names, Node, Transform, replaced, rigid_matrix
 
 WORLD = "world"
 """Name of the link that does not move."""
 MOVING = {"HingeJoint": 1, "SliderJoint": 1, "Hinge2Joint": 2, "BallJoint": 3}
-"""Types of joints that move their end point, with their number of axes."""
+"""Types of joints, with their number of axes."""
 MAX_JOINTS = 10_000
 """Maximum number of joint nodes and robots of a world whose links can move."""
 
@@ -71,8 +71,38 @@ class Link:
         return rigid_matrix(self.transform.rotation, self.transform.offset + self.transform.linear @ self.anchor)
 
 
-def read_link(node: Node, transform: Transform, parent: Link | None, expand: Expand, notes: list[str]) -> Link:
-    """Read a joint of a type in `MOVING`; `transform` is that of the node that contains it."""
+class Links(list[Link]):
+    """The links of a world, in the order of the file: carriers precede what they carry."""
+
+    def begin_robot(self, node: Node, transform: Transform, name: str) -> Link | None:
+        """Begin and return the link of a robot that no other link carries."""
+        if len(self) >= MAX_JOINTS:
+            return None
+        self.append(Link(None, node, transform, name=name, frame=transform.rigid()))
+        return self[-1]
+
+    def begin(
+        self, node: Node, transform: Transform, parent: Link | None, expand: Expand, notes: list[str]
+    ) -> Link | None:
+        """Begin and return the link of a joint's end point; return `parent` if the node moves nothing.
+
+        Args:
+            node: A node of a type in `PARTS`.
+            transform: The transform of the node that contains it.
+            parent: The link that carries it.
+            expand: Expands devices.
+            notes: Receives corrections of invalid values.
+        """
+        closes_loop = all(end.type == "SolidReference" for end in node.nodes("endPoint"))  # or there is no end point
+        if node.type not in MOVING or closes_loop:
+            return parent
+        if len(self) >= MAX_JOINTS:
+            raise FileFormatError(f"{node.file}: expected at most {MAX_JOINTS} joints, got more; they are fixed")
+        self.append(_read_link(node, transform, parent, expand, notes))
+        return self[-1]
+
+
+def _read_link(node: Node, transform: Transform, parent: Link | None, expand: Expand, notes: list[str]) -> Link:
     count = MOVING[node.type]
     parameters = [node.node(f"jointParameters{suffix}") for suffix in _SUFFIXES[:count]]
     axes = [

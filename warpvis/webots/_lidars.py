@@ -67,6 +67,8 @@ class Lidar:
     """Version of its file."""
     notes: tuple[str, ...] = ()
     """Corrections of invalid fields, the same that Webots makes."""
+    link: str = ""
+    """Name of the link of `Scene.joints` that it moves with; empty if it is static."""
 
     @cached_property
     def rays(self) -> Rays:

@@ -11,7 +11,7 @@ import threading
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from warpvis.webots._appearance import APPEARANCES, Surface, shape_appearance
 from warpvis.webots._detection import Extent, ball_about, bounding_geometry
 from warpvis.webots._devices import Device, read_device
 from warpvis.webots._grammar import World
-from warpvis.webots._joints import MAX_JOINTS, MOVING, Link, make_joints, read_link
+from warpvis.webots._joints import Link, Links, make_joints
 from warpvis.webots._lidars import Lidar, read_lidar
 from warpvis.webots._lights import (
     LIGHTS,
@@ -92,7 +92,7 @@ class Reader:
         self.recognizable: dict[str, tuple[Node, list[Solid]]] = {}
         self.extents: list[Extent] = []  # all Solids
         self.bounds: dict[str, Extent] = {}  # Solids with recognitionColors
-        self.links: list[Link] = []
+        self.links = Links()
         self.lights: list[Light] = []
         self.background: Background | None = None
         self.irradiance: Irradiance = ()
@@ -109,6 +109,7 @@ class Reader:
         self._protos = Protos(world, search_path, cache)
         self._lines: list[tuple[int, str, Solid | None]] = []
         self._meshes: dict[int, tuple[Node, Triangles | None]] = {}  # by id of the node, with the node to keep it alive
+        self._mounts: dict[tuple[str, bool], Link | None] = {}  # links of devices and lidars by name
         self._triangles = 0
         self._lock = threading.Lock()
         self._taken = {kind: Names() for kind in ("recognized", "devices", "lidars", "robots")}
@@ -269,9 +270,12 @@ class Reader:
                 note += "whose slots are unknown without its file"
                 found = dataclasses.replace(found, notes=(*found.notes, note))
             if isinstance(found, Lidar):
-                self.lidars[self._taken["lidars"].take(found.name)] = found
+                called = self._taken["lidars"].take(found.name)
+                self.lidars[called] = found
             else:
-                self.devices[self._taken["devices"].take(found.name)] = found
+                called = self._taken["devices"].take(found.name)
+                self.devices[called] = found
+            self._mounts[called, isinstance(found, Lidar)] = step.link
             line += f": {found.describe()}"
         if found is not None or not is_part:
             self._lines.append((step.depth, line, None if is_part else step.owner))
@@ -292,9 +296,8 @@ class Reader:
         types = {instance.type for instance in step.instances}
         solid = Solid(name, robots, human, bool(types & _GROUNDS), bool(recognized), bool(types & _ARENAS))
         link = step.link
-        if node.type in ROBOTS and link is None and len(self.links) < MAX_JOINTS:
-            link = Link(None, node, transform, name=name, frame=transform.rigid())
-            self.links.append(link)
+        if node.type in ROBOTS and link is None:
+            link = self.links.begin_robot(node, transform, name)
         solid.parent, solid.frame, solid.link = step.owner, transform.rigid(), link
         solid.axes = (2, 0) if node.version.z_up else (1, 2)
         self.solids.append(solid)
@@ -306,19 +309,9 @@ class Reader:
 
     def _begin_link(self, step: Step) -> Link | None:
         """Begin the link of a joint; return the link of its end point."""
-        node = step.node
-        if node.type not in MOVING or step.origin:
-            return step.link
-        with self._leaving_out():
-            if all(end.type == "SolidReference" for end in node.nodes("endPoint")):  # closes a loop, or is empty
-                return step.link
-            if len(self.links) >= MAX_JOINTS:
-                raise FileFormatError(
-                    f"{self._world.path}: expected at most {MAX_JOINTS} joints, got more; they are fixed"
-                )
-            link = read_link(node, step.transform, step.link, self._expand_device, self.notes)
-            self.links.append(link)
-            return link
+        if not step.origin:
+            with self._leaving_out():
+                return self.links.begin(step.node, step.transform, step.link, self._expand_device, self.notes)
         return step.link
 
     def _expand_device(self, node: Node) -> Node | None:
@@ -330,6 +323,10 @@ class Reader:
         if errors and self._strict:
             raise FileFormatError(errors[0])
         self.refused += errors
+        for (name, is_lidar), link in self._mounts.items():
+            if link in names:
+                found: dict[str, Any] = self.lidars if is_lidar else self.devices
+                found[name] = dataclasses.replace(found[name], link=names[link])
         return joints, names
 
     def _begin_extent(self, step: Step, transform: Transform) -> Step:

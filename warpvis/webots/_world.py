@@ -10,11 +10,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from warpvis.core.checks import as_items, as_path, check_flag, pluralize, truncate
 from warpvis.core.labels import LabelInput, LabelRules
+from warpvis.core.poses import poses_to_matrices, poses_to_opencv
 from warpvis.core.types import DeviceLike
 from warpvis.errors import FileFormatError, SceneError
 from warpvis.scene import FileParts, Scene, move_with_links
+from warpvis.scene.joints import JointValues
 from warpvis.visibility import Agent
 from warpvis.webots._appearance import AppearanceFiles
 from warpvis.webots._detection import Bounds
@@ -65,6 +70,32 @@ class WebotsWorld:
     """Corrections of invalid values, the same that Webots makes, with file and line."""
     tree: str
     """The nodes that were read, one per line, indented by depth."""
+
+    def device_poses(
+        self, name: str, values: JointValues | None = None, *, check_limits: bool = True
+    ) -> NDArray[np.float64]:
+        """Return the poses of a device or a lidar for values of joints, as its `pose`; shape ``(W, 7)``.
+
+        Args:
+            name: Its name in `devices` or, if there is none, in `lidars`.
+            values: Values by joint, as for `scene.joints.poses`; W is their number of worlds.
+            check_limits: Whether values must be within the limits of their joints.
+
+        Raises:
+            SceneError: If there is no such device.
+            PoseError: As for `scene.joints.link_poses`.
+        """
+        known: dict[str, Device | Lidar] = {**self.lidars, **self.devices}
+        if not isinstance(name, str) or name not in known:
+            found = ", ".join(map(repr, known)) or "none"
+            raise SceneError(f"the world has no device or lidar {name!r}; it has {found}")
+        device, joints = known[name], self.scene.joints
+        links, rest = joints.link_poses(values, check_limits=check_limits), joints.link_poses()
+        worlds = max((len(rows) for rows in links.values()), default=1)
+        motion = np.tile(np.eye(4), (worlds, 1, 1))
+        if device.link:
+            motion = links[device.link] @ np.linalg.inv(rest[device.link])
+        return poses_to_opencv(motion @ poses_to_matrices(device.pose))
 
     def __repr__(self) -> str:
         found = f"devices={list(self.devices)}, lidars={list(self.lidars)}"
