@@ -10,6 +10,7 @@ from situation_jobs import FakeGenerator, FakeOptions
 
 from warpvis import situations
 from warpvis.batch.situations import open_situations
+from warpvis.cli._generate import Generate
 
 pytest.importorskip("sklearn")
 
@@ -69,3 +70,9 @@ def test_shortcut_names_the_option(tmp_path, monkeypatch):
     assert refused.returncode == 2 and "Use --allow-shortcuts to accept this" in refused.stderr
     accepted = generate(tmp_path, "--resume", "--allow-shortcuts", count=100)
     assert accepted.returncode == 0 and "shortcuts: the best is " in accepted.stdout
+
+
+@pytest.mark.parametrize(("word", "outputs"), [("none", ()), ("depth,seen_by", ("depth", "seen_by"))])
+def test_outputs(monkeypatch, word, outputs):
+    monkeypatch.setattr(situations, "SituationOptions", dict)
+    assert Generate(outputs=(word,), count=1, out="out").options()["outputs"] == outputs

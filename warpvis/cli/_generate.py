@@ -51,7 +51,7 @@ class Generate:
     questions: Names = ()
     """Kinds of questions; all by default."""
     outputs: Names = ("color",)
-    """Pictures of each view: color, depth and segmentation."""
+    """Images of each view: color, depth, segmentation, amodal_masks and seen_by; none for JSON only."""
     views: Literal["camera", "all"] = "camera"
     """camera for pictures of the camera only, all for those of the participants, too."""
     license: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
@@ -128,6 +128,8 @@ class Generate:
 
         given = {name: tuple(split_names(getattr(self, name))) for name in ("rooms", "questions", "outputs")}
         chosen: dict[str, Any] = {name: names for name, names in given.items() if names}
+        if given["outputs"] == ("none",):
+            chosen["outputs"] = ()
         words = [[word] if Path(word).exists() else split_names([word]) for word in self.scenes]
         scenes = tuple(name for names in words for name in names)
         for name in scenes:
