@@ -72,6 +72,7 @@ def _see_world(name: str, *search_path: str) -> Callable[[Path], None]:
     def read(folder: Path) -> None:
         world = wv.webots.load_webots(folder / name, search_path=[folder / place for place in search_path])
         see(world.scene)
+        assert all(np.isfinite(pose).all() for pose in world.scene.joints.link_poses().values())
         for scan, lidar in world.lidars.items():
             if lidar.layers * lidar.columns <= 10_000:
                 lidar.points(wv.webots.render_lidar(world, scan, webots_version="header"))
@@ -106,6 +107,13 @@ def meshes(root: Path) -> Iterator[Item]:
         ply(">", [(0, 1, 2, 3), (0, 1, 4)], more="property uchar red\n", tail=b"\7"),
     ):
         yield "PLY", {"a.ply": data}, (), _see_file("a.ply")
+    textured = colors.export(file_type="ply", encoding="ascii").replace(
+        b"comment", b"comment TextureFile a.png\ncomment", 1
+    )
+    textured = textured.replace(b"property uchar red", b"property uchar s").replace(
+        b"property uchar green", b"property uchar t"
+    )
+    yield "PLY", {"a.ply": textured, "a.png": picture()}, (), _see_file("a.ply")
     yield "OFF", {"a.off": _BOX.export(file_type="off")}, (), _see_file("a.off")
     for data in (threemf("", ["a", "b"]), threemf(' unit="inch"', ["a"])):
         yield "3MF", {"a.3mf": data}, (), _see_file("a.3mf")
@@ -275,13 +283,15 @@ def worlds(root: Path) -> Iterator[Item]:
 
     from support.lights import WORLD as LIT
     from support.webots_grammar import SMALL
+    from support.webots_joints import JOINTS
     from support.webots_textures import ROUND, SHAPES
 
     old = _WORLD.replace("R2023b", "R2021b").replace('EXTERNPROTO "New.proto"\nEXTERNPROTO "Old.proto"\n', "")
     old = old.replace("New { steps 3 translation 0 0 1 }", "")
     shared = {"box.stl": _BOX.export(file_type="stl"), "box.dae": trimesh.exchange.dae.export_collada(_BOX)}
-    for text in (WORLD, SMALL, LIT % "", SHAPES % ("R2023b", ""), ROUND % ""):
+    for text in (WORLD, SMALL, LIT % "", SHAPES % ("R2023b", ""), ROUND % "", JOINTS):
         yield "Webots world", {"worlds/a.wbt": text}, (), _see_world("worlds/a.wbt")
+    yield "Webots world", {"a.wbt": JOINTS}, (), _see_file("a.wbt", movable=True)
     plain = _WORLD.replace("New { steps 3 translation 0 0 1 }\nOld { size 0.5 }\n", "")
     yield (
         "Webots world",

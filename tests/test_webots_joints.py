@@ -426,6 +426,14 @@ def test_invalid_joints_are_fixed(tmp_path, kind, fields, message):
         wv.Scene.load(tmp_path / "a.wbt", strict=True)
 
 
+@pytest.mark.parametrize("factor", ["e200", "e-200", ""])
+def test_axes_of_any_length(tmp_path, factor):
+    parameters = f"jointParameters2 JointParameters {{ axis 3{factor} 4{factor} 0 }}"
+    found = one(tmp_path, "BallJoint", parameters)
+    np.testing.assert_allclose(found["tip"].axis, (0.6, 0.8, 0))
+    np.testing.assert_allclose(found["tip::3"].axis, (0, 0, -1), atol=1e-12)
+
+
 def test_axes_of_zero_are_replaced_as_in_webots(tmp_path):
     end = f'endPoint Solid {{ name "tip" children [ {BOX} ] }}'
     text = f"Solid {{ children [ HingeJoint {{ jointParameters HingeJointParameters {{ axis 0 0 0 }} {end} }} ] }}"

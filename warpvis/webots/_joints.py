@@ -144,6 +144,9 @@ def _direction(
     axis = parameters.vector("axis", default)
     if not axis.any():
         axis = replaced(parameters, "axis", axis, np.array(_Z), notes)
+    axis = axis / np.abs(axis).max()  # squares of large and small numbers are out of range
+    if not np.isfinite(axis).all():
+        parameters.refuse("axis", "finite numbers", str(parameters.numbers("axis").tolist()))
     return axis / np.linalg.norm(axis)
 
 
