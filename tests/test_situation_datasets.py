@@ -235,7 +235,8 @@ def test_rooms_without_situations(tmp_path, monkeypatch, name):
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
     generate(tmp_path / "out", FakeOptions(empty=(0, 2)), format=name)
-    assert len(open_situations(tmp_path / "out")) == 20 and verify(tmp_path / "out").ok
+    report = verify(tmp_path / "out")
+    assert report.ok and report.has_situations and report.frames == len(open_situations(tmp_path / "out")) == 20
     loaded = datasets.load_dataset(str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache"))
     assert len(loaded) == 20
 

@@ -48,7 +48,7 @@ class VerifyReport:
     format: str
     """The dataset's format."""
     frames: int
-    """Expected number of frames."""
+    """Expected number of frames; of situations, the number of those that are recorded."""
     shards: int
     """Expected number of shards."""
     whole_shards: int
@@ -63,6 +63,8 @@ class VerifyReport:
     """Records of damaged shards or files; once they are removed, a resumed job writes these again."""
     repaired: bool = False
     """Whether these records were removed, so that `render_batch` with the same arguments and `resume` restores them."""
+    has_situations: bool = False
+    """Whether the dataset consists of situations instead of frames."""
 
     @property
     def ok(self) -> bool:
@@ -129,8 +131,10 @@ def _verify(store: Store) -> VerifyReport:
     complete = sum(not item.problems and not item.missing for item in checked[: len(recorded)])
     size = sum(item.bytes for item in checked)
     damaged = tuple(item.files[0] for item in checked if item.problems and item.files)
+    if sha256 is None:
+        frames = sum(item.frames for item in checked[: len(recorded)])
     counts = (frames, shards, complete, len(files), size)
-    return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged)
+    return VerifyReport(store.name, contents.format, *counts, tuple(problems), damaged, has_situations=sha256 is None)
 
 
 def recorded_shards(store: Store, shards: int) -> list[int]:
@@ -167,6 +171,8 @@ class _Checked(NamedTuple):
     problems: list[str]
     missing: bool = False
     """Whether a shard has no record; missing shards are reported together in one problem."""
+    frames: int = 0
+    """The recorded number of frames or situations."""
 
 
 def _check(store: Store, item: tuple[str, int | None]) -> _Checked:
@@ -191,7 +197,7 @@ def _check(store: Store, item: tuple[str, int | None]) -> _Checked:
             wrong.append(f"{file}: must have {expected.bytes} bytes, got {size}")
         elif _crc32(store, file) != expected.crc32:
             wrong.append(f"{file}: its checksum differs from the recorded one")
-    return _Checked([name, *record.files], record.bytes, wrong)
+    return _Checked([name, *record.files], record.bytes, wrong, frames=record.frames)
 
 
 def _gaps(numbers: Sequence[int], count: int) -> str:

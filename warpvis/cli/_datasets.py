@@ -226,7 +226,7 @@ class Verify:
         print(
             f"{report.out}: {'complete and intact' if report.ok else pluralize(len(report.problems), 'problem')}: "
             f"{report.whole_shards} of {pluralize(report.shards, 'shard')} ({report.format}, "
-            f"{pluralize(report.frames, 'frame')}), "
+            f"{pluralize(report.frames, 'situation' if report.has_situations else 'frame')}), "
             f"{pluralize(report.files, 'file')}, {report.bytes / 1e9:.3f} GB"
         )
         records = ", ".join(report.damaged)
