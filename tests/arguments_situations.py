@@ -44,7 +44,7 @@ def situation_cases(folder):
                 "robot_view": wv.Camera.kinect(),
             },
         ),
-        "SituationGenerator": (wv.situations.SituationGenerator, {"options": OPTIONS, "device": "cpu"}),
+        "SituationGenerator": (wv.situations.SituationGenerator, {"options": OPTIONS, "device": "cpu", "threads": 1}),
         "SituationGenerator.shard": (generator.shard, {"number": 0}),
         "SituationGenerator.scene": (generator.scene, {"situation": generator.shard(0)[0], "moment": 0}),
         "generate_room": (

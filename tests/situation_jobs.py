@@ -31,7 +31,7 @@ class FakeOptions:
 class FakeGenerator:
     """Generates a camera, a person and two mugs, and whether the person sees the first mug by a coin."""
 
-    def __init__(self, options, *, device=None):
+    def __init__(self, options, *, device=None, threads=None):
         self.options = options
 
     def shard(self, number):

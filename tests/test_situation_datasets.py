@@ -130,6 +130,20 @@ def test_bytes_of_ray(tmp_path, whole, monkeypatch):
     assert tree(tmp_path) == tree(whole / "webdataset")
 
 
+class CountingGenerator(FakeGenerator):
+    threads = None
+
+    def __init__(self, options, *, device, threads):
+        super().__init__(options)
+        CountingGenerator.threads = threads
+
+
+def test_generators_get_the_number_of_threads(tmp_path):
+    options = FakeOptions(0, per_shard=4)
+    generate_situations(tmp_path / "out", options, CountingGenerator, count=4, format="jsonl", threads=3, quiet=True)
+    assert CountingGenerator.threads == 3
+
+
 def test_last_shard_has_whole_pairs():
     situations = FakeGenerator(FakeOptions()).shard(0)
     assert [item.name for item in choose_situations(situations, 5)] == [f"00000-000{k}" for k in range(4)]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpvis.core.checks import check_whole
+from warpvis.core.threads import check_threads
 from warpvis.core.types import DeviceLike, Json
 from warpvis.errors import SceneError
 from warpvis.scene import Scene
@@ -61,17 +62,20 @@ class _Draft:
 class SituationGenerator:
     """Generates situations shard by shard; a shard depends on the options and its number only."""
 
-    def __init__(self, options: SituationOptions | None = None, *, device: DeviceLike = "cpu") -> None:
+    def __init__(
+        self, options: SituationOptions | None = None, *, device: DeviceLike = "cpu", threads: int | None = None
+    ) -> None:
         """Set up the generator.
 
         Args:
             options: What to generate.
             device: Device that renders and measures.
+            threads: CPU threads to use; all cores of this process by default.
         """
         self.options = SituationOptions() if options is None else options
         if not isinstance(self.options, SituationOptions):
             raise SceneError(f"options must be SituationOptions, got {type(options).__name__}")
-        self._device = device
+        self._device, self._threads = device, check_threads(threads)
         self._files: dict[str, FileScene] = {}
 
     def shard(self, number: int) -> list[Situation]:
@@ -131,14 +135,14 @@ class SituationGenerator:
             if path not in self._files:
                 self._files[path] = FileScene(path)
             part = FileRoom(self._files[path], numbers)
-            stage = Stage(part, numbers, options.stage, self._device)
+            stage = Stage(part, numbers, options.stage, self._device, self._threads)
             return stage, numbers, {"kind": Path(path).name, "origin": part.origin.tolist(), **shard}
         kind = options.rooms[(number + attempt) % len(options.rooms)]
         seed = int(numbers.below(1 << 31, 1)[0])
         clutter = round(float(numbers.uniform(*options.clutter, 1)[0]), 2)
         room = generate_room(seed, kind=kind, clutter=clutter)
         described: dict[str, Json] = {"seed": seed, "kind": kind, "clutter": clutter}
-        stage = Stage(room, numbers, options.stage, self._device)
+        stage = Stage(room, numbers, options.stage, self._device, self._threads)
         return stage, numbers, described | shard
 
     def _of_room(self, number: int, attempt: int, count: int) -> list[Situation]:

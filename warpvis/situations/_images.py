@@ -47,7 +47,7 @@ def make_images(
         hidden = [watch.scene.index(name) for name in view.body]
         eyes = view.eyes.astype(np.float32)
         if needed:
-            renderer = Renderer(watch.scene, view.camera, outputs=needed)
+            renderer = Renderer(watch.scene, view.camera, outputs=needed, threads=watch.threads)
             found = renderer.render(eyes, object_poses=object_poses, exclude=hidden or None)
             arrays: dict[str, NDArray[Any]] = {name: getattr(found, name).numpy().copy() for name in needed}
             images |= {(view.name, name): list(arrays[name]) for name in needed if name in outputs}
@@ -66,6 +66,7 @@ def _amodal_masks(
     members = [name for names in watch.targets.values() for name in names]
     first = np.cumsum([0, *map(len, watch.targets.values())])[:-1]
     options: dict[str, Any] = {"objects": members, "canvas": (0, 0, 0, 0), "masks": True, "exclude": hidden or None}
+    options["threads"] = watch.threads
     for pose, moved in zip(eyes, object_poses, strict=True):  # masks of parts of bodies are large
         found = object_visibility(watch.scene, view.camera, pose, object_poses=moved[None], **options)
         assert found.masks is not None
@@ -83,6 +84,7 @@ def _seen_by(
         for moment, eyes in enumerate(viewer.eyes.astype(np.float32)):
             shown = (owners[moment] >= 0) & ~np.isin(owners[moment], body)
             options: dict[str, Any] = {"object_poses": object_poses[moment : moment + 1], "exclude": body or None}
+            options["threads"] = watch.threads
             status = point_visibility(watch.scene, viewer.camera, eyes, points[moment][shown], **options)
             assert isinstance(status, wp.array)
             seen[moment][shown] |= (status.numpy()[0] == Visibility.VISIBLE).astype(np.uint8) << number

@@ -82,9 +82,9 @@ class Observations:
 class Watch:
     """Measures what viewers see of the same objects of a scene in repeated calls."""
 
-    def __init__(self, scene: Scene, targets: dict[str, list[str]]) -> None:
-        """Set up for targets, each one the union of some objects."""
-        self.scene, self.targets = scene, targets
+    def __init__(self, scene: Scene, targets: dict[str, list[str]], threads: int | None = None) -> None:
+        """Set up for targets, each one the union of some objects, with a number of CPU threads."""
+        self.scene, self.targets, self.threads = scene, targets, threads
         self._meters: dict[tuple[Camera, str], FractionMeter] = {}
         self._margins: dict[Camera, MarginMeter] = {}
         first = [scene[names[0]] for names in targets.values()]
@@ -171,7 +171,9 @@ class Watch:
         for index, viewer in enumerate(viewers):
             if viewer.camera not in self._margins:
                 objects = dict(self.targets)
-                self._margins[viewer.camera] = MarginMeter(self.scene, viewer.camera, objects=objects)
+                self._margins[viewer.camera] = MarginMeter(
+                    self.scene, viewer.camera, objects=objects, threads=self.threads
+                )
             hidden = self._hidden(viewer.body, len(object_poses), None)
             result = self._margins[viewer.camera].measure(
                 viewer.eyes.astype(np.float32), object_poses=object_poses, exclude=hidden
@@ -184,6 +186,7 @@ class Watch:
         if (camera, target) not in self._meters:
             objects = {target: self.targets[target]} if target else dict(self.targets)
             options: dict[str, Any] = {"min_samples": _MIN_SAMPLES, "occluders": 0 if target else OCCLUDERS}
+            options["threads"] = self.threads
             self._meters[camera, target] = FractionMeter(self.scene, camera, objects=objects, **options)
         return self._meters[camera, target]
 

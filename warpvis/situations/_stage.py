@@ -79,7 +79,14 @@ class Arrangements:
 class Stage:
     """A furnished place with movable people, a robot, objects of interest, and things that hide them."""
 
-    def __init__(self, room: Surroundings, numbers: Numbers, options: StageOptions, device: DeviceLike = "cpu") -> None:
+    def __init__(
+        self,
+        room: Surroundings,
+        numbers: Numbers,
+        options: StageOptions,
+        device: DeviceLike = "cpu",
+        threads: int | None = None,
+    ) -> None:
         """Choose the objects and the people, and build the scene."""
         self.room, self.options, self._numbers = room, options, numbers
         self.scene = room.build(device, movable=False)
@@ -118,7 +125,7 @@ class Stage:
         targets = {item.name: [item.name] for item in self.things}
         targets |= {name: list(agent.body) for name, agent in self.agents.items()}
         targets |= {ROBOT: [ROBOT]} if options.robot else {}
-        self.watch = Watch(self.scene, targets)
+        self.watch = Watch(self.scene, targets, threads)
         self._columns = {self.scene.objects[index].name: column for column, index in enumerate(self.scene.movable)}
         low, high = _SEAT_HEIGHTS
         self._seats = [seat for seat in room.seats if low <= seat.height <= high]

@@ -91,7 +91,7 @@ def generate_situations(
     Args:
         out: New or empty folder, or an fsspec URL.
         options: Options of the generator, a dataclass with the seed.
-        generator: Class of the generator, which is called as ``generator(options, device=device)``.
+        generator: Class of the generator, which is called as ``generator(options, device=device, threads=n)``.
         count: Number of situations. A room that holds fewer than `shard_situations` makes the dataset smaller.
         format: ``"webdataset"``, ``"parquet"``, ``"jsonl"`` or ``"lerobot"``.
         shard_situations: Maximum number of situations of a shard; `per_shard` of the options by default.

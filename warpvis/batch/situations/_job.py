@@ -31,7 +31,7 @@ class Generator(Protocol):
 
 
 GeneratorFactory = Callable[..., Generator]
-"""A class or function of a module, called with the options and ``device=`` in every process."""
+"""A class or function of a module, called with the options, ``device=`` and ``threads=`` in every process."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +79,11 @@ class SituationWorker:
     """Generates shards, and encodes and writes them while the next ones are generated; a context manager."""
 
     def __init__(self, job: SituationJob, *, device: DeviceLike, threads: int | None) -> None:
-        """Build the generator; start `threads` encoding threads, by default one for each core."""
+        """Build the generator, and start encoding threads: `threads` of each, by default one for each core."""
         self._job = job
         self._layout = job.layout()
         self._store = open_store(job.out)
-        self._generator = job.generator(job.options, device=device)
+        self._generator = job.generator(job.options, device=device, threads=threads)
         self._encoders = Crew(check_threads(threads), "warpvis-encoder")
         self._lock = Lock()
         self.failed = Event()
