@@ -70,7 +70,7 @@ SOURCES = {
         [Row("room", trimesh.util.concatenate([*files.flat(1.0).values()]), UPRIGHT, "object")],
         {"scale": 0.001, "file_up": "y", "labels": {"room": "object"}},
     ),
-    "3MF": Source(files.write_3mf, rows(names=MESHES), PARTS),
+    "3MF": Source(files.write_3mf, rows(names=MESHES), PARTS, MESHES[1:]),
     "COLLADA": Source(files.write_collada, rows(UPRIGHT, MESHES), PARTS),
     "ScanNet": Source(scans.write_scannet, files.scan_rows((0, 1, 2), HALVED), TURNED_SCAN),
     "ScanNet++": Source(scans.write_scannetpp, files.scan_rows((0, 1, 2), HALVED), TURNED_SCAN),

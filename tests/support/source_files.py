@@ -35,8 +35,8 @@ class Row(NamedTuple):
 IDENTITY = np.eye(4)
 
 
-def place(xyz, rpy=(0, 0, 0), scale=(1, 1, 1)):
-    return compose_matrix(scale=scale, angles=rpy, translate=xyz)
+def place(xyz, rpy):
+    return compose_matrix(angles=rpy, translate=xyz)
 
 
 def size(*factors):

@@ -10,6 +10,7 @@ import itertools
 import logging
 import posixpath
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -29,6 +30,7 @@ from warpvis.io._files import is_archive, unpack
 from warpvis.io._gltf import FileMeshes, read_gltf
 from warpvis.io._gltf_data import Find, uri_name
 from warpvis.io._gltf_materials import Locate
+from warpvis.io._gltf_placements import Shape, split
 from warpvis.io._obj import ObjMaterials, has_normals, obj_order, obj_splits, require_obj_elements, straighten_obj
 from warpvis.io._ply import (
     has_corner_coordinates,
@@ -349,7 +351,10 @@ def _load_by_trimesh(
     expects_normals: bool = False,
     **options: Any,
 ) -> FileMeshes:
-    """Read a file; transform its vertices, and convert its appearances by name, appearance and number of triangles."""
+    """Read a file; transform its vertices, and convert its appearances by name, appearance and number of triangles.
+
+    Nodes that use the same mesh share it.
+    """
     import trimesh
 
     # trimesh logs tracebacks of exceptions that it raises or handles; a user's own handlers still receive them.
@@ -359,28 +364,40 @@ def _load_by_trimesh(
     # Preserve face order and shared corners of the file.
     loaded = trimesh.load_scene(io.BytesIO(file), file_type=kind, process=False, **options)
     found, file_normals = FileMeshes(), FileNormals(file_name)
+    uses = Counter(loaded.graph[node][1] for node in loaded.graph.nodes_geometry)
+    shapes = dict[str, Shape]()
     for node in loaded.graph.nodes_geometry:
         placement, geometry = loaded.graph[node]
         mesh, name = loaded.geometry[geometry], "" if node in _NAMELESS else str(node)
         if not len(getattr(mesh, "faces", ())):
             found.empty.append(name or str(node))
             continue
-        vertices, subject = np.asarray(mesh.vertices, dtype=np.float64), name or kind.upper()
-        with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
-            corners = vertices @ placement[:3, :3].T + placement[:3, 3]
-            corners = corners if linear is None else corners @ linear.T
-        appearance = choose_appearance(None, mesh, subject, (len(vertices), len(mesh.faces)), color_space="srgb")
-        appearance = appearance_of(name, appearance, len(mesh.faces))
-        triangles = corners, keep_winding(mesh.faces, placement[:3, :3])
-        normals = mesh._cache.cache.get("vertex_normals")  # the property would compute missing ones
-        if normals is not None:
-            total = placement[:3, :3] if linear is None else linear @ placement[:3, :3]
-            read = partial(transform_normals, normals.astype(np.float32), total)
-            mesh = None if have_direction(normals).all() else partial(tuple, triangles)  # freed unless it is needed
-            appearance = file_normals.add(appearance, repr(subject), read, mesh)
-        elif expects_normals:
-            appearance = file_normals.add(appearance, repr(subject), _refuse_normals, None)
-        found.parts.append(Part(name, triangles, appearance=appearance))
+        is_shared = uses[geometry] > 1
+        if geometry not in shapes:
+            place: Any = np.eye(4) if is_shared else placement
+            axes = None if is_shared else linear
+            vertices, subject = np.asarray(mesh.vertices, dtype=np.float64), name or kind.upper()
+            with np.errstate(invalid="ignore", over="ignore"):  # the scene checks that vertices are finite
+                corners = vertices @ place[:3, :3].T + place[:3, 3]
+                corners = corners if axes is None else corners @ axes.T
+            appearance = choose_appearance(None, mesh, subject, (len(vertices), len(mesh.faces)), color_space="srgb")
+            appearance = appearance_of(name, appearance, len(mesh.faces))
+            triangles = corners, keep_winding(mesh.faces, place[:3, :3])
+            normals = mesh._cache.cache.get("vertex_normals")  # the property would compute missing ones
+            if normals is not None:
+                total = place[:3, :3] if axes is None else axes @ place[:3, :3]
+                read = partial(transform_normals, normals.astype(np.float32), total)
+                mesh = None if have_direction(normals).all() else partial(tuple, triangles)  # freed unless needed
+                appearance = file_normals.add(appearance, repr(subject), read, mesh)
+            elif expects_normals:
+                appearance = file_normals.add(appearance, repr(subject), _refuse_normals, None)
+            shapes[geometry] = Shape(*triangles, appearance)
+        if is_shared:
+            matrix = placement[None].astype(np.float64)
+            matrix[:, :3] = matrix[:, :3] if linear is None else linear @ matrix[:, :3]
+            found.parts += shapes[geometry].shared([name], matrix, split(matrix), {}, movable=False)
+        else:
+            found.parts.append(Part(name, triangles, appearance=appearance))
     return found
 
 
