@@ -146,6 +146,24 @@ def test_left_and_right_are_those_of_the_participant():
             assert (question.answer == LEFT) == (angles[0] < angles[1])
 
 
+@pytest.mark.parametrize("kind", ["left_right", "nearer"])
+def test_half_of_the_answers_are_those_for_the_camera(kind):
+    """Otherwise, a model without perspective answers most of the questions."""
+    same = []
+    for one, question in questions(kind):
+        eyes = np.linalg.inv(wv.core.poses.poses_to_matrices(np.array([one.camera["pose"]]))[0])
+        places = {thing.name: np.array(thing.pose[:3]) for thing in one.moments[0].things}
+        first, second = (eyes[:3, :3] @ places[name] + eyes[:3, 3] for name in question.about[1:])
+        if kind == "left_right":
+            same.append(
+                (np.arctan2(first[0], first[2]) < np.arctan2(second[0], second[2])) == (question.answer == LEFT)
+            )
+        else:
+            answered_first = question.answer == question.choices[0]
+            same.append((np.linalg.norm(first) < np.linalg.norm(second)) == answered_first)
+    assert len(same) >= 8 and 0.4 <= np.mean(same) <= 0.6, same  # poses are not those of the centers
+
+
 def test_twins_differ_by_a_small_movement_of_one_object():
     by_name = {one.name: one for one in situations()}
     pairs = [(one, by_name[one.twin]) for one in situations() if one.twin and one.name < one.twin]

@@ -44,7 +44,8 @@ class Pool:
             zip(self.words.tolist(), self.answer.tolist(), self.stratum.tolist(), strict=True)
         ):
             groups[words][answer, stratum].append(row)
-        usable = [group for group in groups.values() if _is_balanced(group)]
+        strata = set(self.stratum.tolist())
+        usable = [group for group in groups.values() if _is_balanced(group, strata)]
         if not usable:
             return []
         scale = self.features.std(axis=0)
@@ -60,10 +61,9 @@ class Pool:
         return chosen
 
 
-def _is_balanced(group: dict[tuple[int, int], list[int]]) -> bool:
+def _is_balanced(group: dict[tuple[int, int], list[int]], strata: set[int]) -> bool:
     """Return whether the same words have several answers, each of them in all strata."""
     answers = {answer for answer, _ in group}
-    strata = {stratum for _, stratum in group}
     return len(answers) > 1 and len(group) == len(answers) * len(strata)
 
 
