@@ -110,13 +110,15 @@ def main() -> int:
     options = parser.parse_args()
     wp.config.log_level = wp.LOG_WARNING
     chosen = SituationOptions(seed=options.seed, outputs=(), per_shard=min(100, options.per_shard))
-    shards = range(-(-options.count // options.per_shard))
+    shards = range(options.count)  # a shard may have few answers
     start, results = time.perf_counter(), []
     with get_context("spawn").Pool(options.processes) as pool:
         for found in pool.imap_unordered(partial(check_shard, chosen, options.per_shard), shards):
             results += found
             wrong = [told for _, right, told in found if not right]
             print(f"[{time.perf_counter() - start:.0f} s] {len(results)} answers", *wrong, sep="\n  ", flush=True)
+            if len(results) >= options.count:
+                break
     kinds, wrong = Counter(kind for kind, *_ in results), [told for _, right, told in results if not right]
     print(f"{len(results)} answers {dict(kinds)}: {len(wrong)} wrong")
     return 1 if wrong else 0

@@ -140,7 +140,7 @@ def by_maps(batch: Batch, noises: Sequence[NDArray[np.float64]]) -> list[Answers
         poses = np.repeat(batch.poses[row : row + 1], len(views), axis=0)
         hidden = np.repeat(batch.hidden[row : row + 1], len(views), axis=0)
         depth = wv.render(batch.scene, MAP_VIEW, views, outputs=("depth",), object_poses=poses, exclude=hidden).depth
-        room = wv.OccupancyMap(CELL)
+        room = wv.OccupancyMap(CELL, device=batch.scene.device)
         room.integrate(depth, MAP_VIEW, views, max_range=MAP_VIEW.far)
         center, reach = batch.centers[row], float(size.max())
         points = (LATTICE * size) @ batch.boxes[row, :3, :3].T + center

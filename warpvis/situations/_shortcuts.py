@@ -37,7 +37,7 @@ MIN_QUESTIONS = 100
 THRESHOLD = 0.15
 """Default of the accuracy above chance that is accepted."""
 
-_MAX_QUESTIONS = 20_000  # of a kind: more would not change an accuracy by more than 0.5 %
+_MAX_QUESTIONS = 5_000  # of a kind: more would hardly change an accuracy by 1 %
 _MAX_ANSWERS = 50
 _QUANTILE = 2.326  # of the normal distribution, at 99 %
 _WORD = r"(?u)\b\w+\b"
