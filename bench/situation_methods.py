@@ -102,7 +102,9 @@ def paper_rule(batch: Batch, believed: NDArray[np.float64], depth: wp.array) -> 
     spheres = np.column_stack([batch.centers, batch.sizes.max(axis=1)])
     images, found = depth.numpy(), np.zeros(len(spheres), dtype=np.bool_)
     for row, sphere in enumerate(spheres):
-        labels = wv.classify(images[row : row + 1], batch.camera, believed[row : row + 1], spheres=sphere[None])
+        # A `below_label` turns off the check of poses, which refuses some of the noisy ones.
+        one, pose = images[row : row + 1], believed[row : row + 1]
+        labels = wv.classify(one, batch.camera, pose, spheres=sphere[None], below_label=wv.Label.OBSTACLE)
         found[row] = (labels.numpy() == wv.Label.OBJECT).any()
     return found
 
