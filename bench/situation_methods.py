@@ -6,7 +6,7 @@ Rooms of three amounts of clutter are generated, with balanced questions of the 
 of them, with exact poses of the eyes and with noise; a small network is trained on the pictures of other rooms.
 Prints tables of accuracies with 95 % binomial intervals, and draws a plot.
 
-  python bench/situation_methods.py --count 500 --plot methods.png        about 8 minutes on two idle cores
+  python bench/situation_methods.py --count 500 --plot methods.png        about 3 minutes on two idle cores
 """
 
 from __future__ import annotations
