@@ -5,6 +5,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,29 @@ def test_datasets_reads_different_numbers_of_moments(tmp_path, monkeypatch, sing
                 np.testing.assert_allclose(np.asarray(row[file]).ravel()[1:], 1000 * image.ravel()[1:], atol=0.51)
             else:
                 np.testing.assert_array_equal(np.asarray(row[file]).astype(np.int32) - 1, image)
+
+
+class PartlyColorGenerator(FakeGenerator):
+    """The situations of the first room have one picture, those of others have several."""
+
+    def shard(self, number):
+        found = super().shard(number)
+        if number:
+            return found
+        return [replace(one, images={"camera/color": one.images["camera/color"]}) for one in found]
+
+
+@pytest.mark.parametrize("name", ["parquet", "jsonl", "webdataset"])
+def test_datasets_reads_rooms_with_one_picture_and_with_several(tmp_path, monkeypatch, name):
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    datasets = pytest.importorskip("datasets")
+    options = {"count": 20, "shard_situations": 10, "format": name, "threads": 1}
+    generate_situations(tmp_path / "out", OPTIONS, PartlyColorGenerator, **options)
+    loaded = datasets.load_dataset(str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache"))
+    assert len(loaded) == 20
+    if name != "webdataset":
+        views = sorted(len(row["views"]) for row in loaded)
+        assert views[:10] == [0] * 10 and views[10:] == [len(expected()[0].images) - 2] * 10  # one is no PNG
 
 
 def test_lerobot_dataset(tmp_path, whole, monkeypatch):
