@@ -118,7 +118,7 @@ def test_sens_files_are_not_read(tmp_path):
 
 
 def test_mesh_of_replica_with_ptex_has_no_colors(tmp_path):
-    """Its textures are beside it, and the objects in another mesh."""
+    """Its textures are in the same folder, and the objects in another mesh."""
     _, triangles, _, _ = scans.joined()
     scans.write_replica(tmp_path / "habitat")
     path = scans.write_ply(tmp_path / "mesh.ply", faces=triangles[:, [0, 1, 2, 2]], colors=False)

@@ -81,7 +81,7 @@ def test_textures_are_multiplied_by_colors(tmp_path):
 
 
 def test_materials_of_the_robot_precede_those_of_links(tmp_path):
-    """A visual element with a color of its own has that; others have the first of the robot, else of any link."""
+    """A visual element that defines a color has that; others have the first of the robot, else of any link."""
     red, green, blue = (
         f'<material name="m"><color rgba="{color} 1"/></material>' for color in ("1 0 0", "0 1 0", "0 0 1")
     )

@@ -24,7 +24,7 @@ def body(name, kind, *ops, more="", apis=BODY):
 
 
 def depth(scene, height=4.0):
-    """Return an image from a point beside of the object, of 64x64 pixels."""
+    """Return an image from a point next to the object, of 64x64 pixels."""
     camera = wv.Camera.from_fov(64, 64, hfov=0.6)
     pose = wv.look_at((height, 0.3, 1.2), (0, 0, 0))
     return wv.render(scene, camera, pose, outputs=("depth", "points"))
