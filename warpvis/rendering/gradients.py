@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Gradients of images with respect to poses and rays, from the images of a finished render."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import warp as wp
+
+from warpvis.cameras.base import AnyCamera
+from warpvis.core.kernel_cache import launch
+from warpvis.core.threads import check_threads, launch_images
+from warpvis.rendering.casters.base import ImagesByName, as_image, images_struct
+from warpvis.rendering.casters.rays import rays_on_device
+from warpvis.scene import Scene
+from warpvis.scene.worlds import pose_columns
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.images import Images
+    from warpvis.kernels.casting.worlds import Worlds
+    from warpvis.kernels.gradients.depth_gradients import ImageGradients, RayTable
+
+NEEDED_IMAGES = ("depth", "normals", "segmentation")
+"""Images of the render that gradients are computed from."""
+
+_STRIP_ROWS = 16
+"""Rows of an image that are added by one CPU thread, or by a row of CUDA threads."""
+
+_MAX_SUMS = 2**21
+"""Largest number of matrices of strips, 96 bytes each; with more, strips are whole images."""
+
+_MIN_PIXELS = 256
+"""Smallest part of a launch for a CPU thread, in columns of strips."""
+
+
+class RayGradients(NamedTuple):
+    """Gradients with respect to each pixel's ray, in the camera frame."""
+
+    rays: wp.array
+    """With respect to the direction of depth 1, ``(V, H, W)`` vec3."""
+    origins: wp.array | None
+    """With respect to the origin [1/m], ``(V, H, W)`` vec3; None if the camera has no origins."""
+
+
+class DepthGradients:
+    """Compute gradients of depth, points and normals of one camera in one scene.
+
+    Silhouettes do not contribute: gradients are those of the seen surfaces. Nothing is cast again.
+    """
+
+    def __init__(self, scene: Scene, camera: AnyCamera, *, threads: int | None = None) -> None:
+        """Set up for a scene and a camera; `threads` as for `Renderer`."""
+        self._scene, self._camera = scene, camera
+        self._threads = check_threads(threads)
+
+    def poses(
+        self, camera_to_world: wp.array, worlds: Worlds, images: ImagesByName, gradients: ImagesByName
+    ) -> wp.array:
+        """Return gradients with respect to the rows ``x y z qx qy qz qw`` of poses.
+
+        Args:
+            camera_to_world: Poses of the render, ``(V,)`` transform, in the camera's axes.
+            worlds: Worlds of the render.
+            images: Its images: ``depth``, ``normals`` and, if objects are movable, ``segmentation``.
+            gradients: Gradients of a loss with respect to ``depth``, ``points`` and ``normals``; others are zero.
+
+        Returns:
+            Gradients, ``(V, 1 + M)`` transform: of the camera's pose, and of the poses of the M movable objects in the
+            world of the view. Views of one world need to be added.
+        """
+        from warpvis.kernels.gradients.depth_gradients import mat34d, sum_moments, sum_strips
+
+        views, height, width = as_image(images["depth"]).shape
+        columns = 1 + len(self._scene.movable)
+        strip_rows = _STRIP_ROWS
+        if views * -(-height // strip_rows) * columns > _MAX_SUMS:
+            strip_rows = height
+        strips, span = -(-height // strip_rows), width if self._scene.device.is_cpu else 1
+        sums = wp.zeros((views, strips, columns), dtype=mat34d, device=self._scene.device)
+        inputs = [_images(images), _gradients(gradients), strip_rows, span, sums]
+        launch_images(
+            sum_moments,
+            (views, strips, width),
+            lambda window: [worlds, self._columns, self._table, camera_to_world, window, *inputs],
+            device=self._scene.device,
+            threads=self._threads,
+            span=span,
+            min_pixels=_MIN_PIXELS,
+        )
+        result = wp.empty((views, columns), dtype=wp.transform, device=self._scene.device)
+        launch(sum_strips, result.shape, [worlds, camera_to_world, sums, result], self._scene.device)
+        return result
+
+    def rays(self, camera_to_world: wp.array, images: ImagesByName, gradients: ImagesByName) -> RayGradients:
+        """Return gradients with respect to the rays of pixels; arguments as for `poses`."""
+        from warpvis.kernels.gradients.depth_gradients import write_ray_gradients
+
+        shape = as_image(images["depth"]).shape
+        result = RayGradients(
+            wp.empty(shape, dtype=wp.vec3, device=self._scene.device),
+            None if self._table.origins is None else wp.empty(shape, dtype=wp.vec3, device=self._scene.device),
+        )
+        inputs = [_images(images), _gradients(gradients), *result]
+        launch_images(
+            write_ray_gradients,
+            shape,
+            lambda window: [self._table, camera_to_world, window, *inputs],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+        return result
+
+    @cached_property
+    def _table(self) -> RayTable:
+        """Return the rays of the camera on the scene's device."""
+        from warpvis.kernels.gradients.depth_gradients import RayTable
+
+        table = RayTable()
+        table.rays = rays_on_device(self._camera, self._scene.device)
+        if self._camera.origins is not None:
+            table.origins = rays_on_device(self._camera, self._scene.device, "origins")
+        return table
+
+    @property
+    def _columns(self) -> wp.array | None:
+        """Return the column of each object in the object poses; None if no object is movable."""
+        return columns_on_device(self._scene)
+
+
+def columns_on_device(scene: Scene) -> wp.array | None:
+    """Return each object's column in the object poses, -1 for static objects; None if none is movable."""
+    if not scene.movable:
+        return None
+    return wp.array(pose_columns(scene), dtype=wp.int32, device=scene.device)
+
+
+def _images(images: ImagesByName) -> Images:
+    return images_struct({name: as_image(images[name]) for name in NEEDED_IMAGES if name in images})
+
+
+def _gradients(gradients: ImagesByName) -> ImageGradients:
+    from warpvis.kernels.gradients.depth_gradients import ImageGradients
+
+    struct = ImageGradients()
+    for name, gradient in gradients.items():
+        setattr(struct, name, as_image(gradient))
+    return struct
