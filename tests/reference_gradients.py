@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Float64 twins of `warpvis.kernels.gradients.depth_gradients`, and depth for central differences."""
+"""Float64 twins of `warpvis.kernels.gradients.depth_gradients`."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-
-import reference
 
 
 def rotation_matrix(q: NDArray) -> NDArray[np.float64]:
@@ -87,44 +85,3 @@ def write_ray_gradients(camera, row, images, gradients):
     pixel = pixel_gradients(camera, row, images, gradients)
     origins = pixel["camera"] @ rotation_matrix(row[3:])
     return np.where(pixel["hit"], images["depth"], 0.0)[..., None] * origins, origins
-
-
-def cast_depth(scene, rays, origins, row, object_rows=(), vertices=None):
-    """Return depth of rays and the seen triangle of all triangles of the scene, in float64 and without solids.
-
-    Args:
-        scene: A scene of meshes.
-        rays: Rays in the camera frame, shape (N, 3), and their `origins`, (N, 3) or None.
-        row: Pose of the camera.
-        object_rows: Poses of the movable objects, in the order of `scene.movable`.
-        vertices: Vertices of objects in their frames, by name, instead of those of the scene.
-    """
-    corners = []
-    for index, item in enumerate(scene.objects):
-        if index in scene.movable and len(object_rows):
-            pose = np.asarray(object_rows[scene.movable.index(index)], dtype=np.float64)
-            local = (vertices or {}).get(item.name, np.asarray(item.mesh_vertices, dtype=np.float64))
-            points = local @ rotation_matrix(pose[3:]).T + pose[:3]
-        else:
-            points = item.vertices.astype(np.float64)
-        corners.append(points[item.faces])
-    rotation = rotation_matrix(row[3:])
-    seen = (np.concatenate(corners) - np.asarray(row[:3], dtype=np.float64)) @ rotation
-    if origins is None:
-        return reference._nearest_triangle(rays, seen, False, 0.0)
-    return _cast_from_origins(seen, rays, origins)
-
-
-def _cast_from_origins(corners: NDArray, rays: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
-    """Return depth and triangle for rays of separate origins, for all pairs at once (Moeller and Trumbore, 1997)."""
-    a, b, c = corners.swapaxes(0, 1)
-    e1, e2, s = b - a, c - a, origins[:, None] - a
-    h, q = np.cross(rays[:, None], e2), np.cross(s, e1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        f = 1 / (e1 * h).sum(axis=-1)
-        u, v, z = f * (s * h).sum(axis=-1), f * (rays[:, None] * q).sum(axis=-1), f * (e2 * q).sum(axis=-1)
-        z[~((u >= 0) & (v >= 0) & (u + v <= 1) & (z > 0))] = np.inf
-    return z.min(axis=1), z.argmin(axis=1)
-
-
-__all__ = ["cast_depth", "sum_moments", "sum_strips", "write_ray_gradients"]

@@ -4,11 +4,13 @@
 
 import numpy as np
 import trimesh
-from reference_gradients import cast_depth, rotation_matrix
+from numpy.typing import NDArray
+from reference_gradients import rotation_matrix
 
 import warpvis as wv
 from warpvis.cameras import LensCamera, OrthographicCamera, Rays, WideCamera
 
+import reference
 from support.lens_camera import SMALL, WIDE
 
 ROW = np.array([0.1, -0.2, 0.3, *wv.look_at((0.1, -0.2, 0.3), (3.0, 0.1, 0.2)).reshape(-1)[3:7]])
@@ -52,6 +54,44 @@ def flat_rays(camera):
     valid = np.isfinite(rays).all(axis=1)
     origins = None if camera.origins is None else np.asarray(camera.origins, dtype=np.float64).reshape(-1, 3)
     return np.where(valid[:, None], rays, 0.0), origins, valid
+
+
+def cast_depth(scene, rays, origins, row, object_rows=(), vertices=None):
+    """Return depth of rays and the seen triangle of all triangles of the scene, in float64 and without solids.
+
+    Args:
+        scene: A scene of meshes.
+        rays: Rays in the camera frame, shape (N, 3), and their `origins`, (N, 3) or None.
+        row: Pose of the camera.
+        object_rows: Poses of the movable objects, in the order of `scene.movable`.
+        vertices: Vertices of objects in their frames, by name, instead of those of the scene.
+    """
+    corners = []
+    for index, item in enumerate(scene.objects):
+        if index in scene.movable and len(object_rows):
+            pose = np.asarray(object_rows[scene.movable.index(index)], dtype=np.float64)
+            local = (vertices or {}).get(item.name, np.asarray(item.mesh_vertices, dtype=np.float64))
+            points = local @ rotation_matrix(pose[3:]).T + pose[:3]
+        else:
+            points = item.vertices.astype(np.float64)
+        corners.append(points[item.faces])
+    rotation = rotation_matrix(row[3:])
+    seen = (np.concatenate(corners) - np.asarray(row[:3], dtype=np.float64)) @ rotation
+    if origins is None:
+        return reference._nearest_triangle(rays, seen, False, 0.0)
+    return _cast_from_origins(seen, rays, origins)
+
+
+def _cast_from_origins(corners: NDArray, rays: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
+    """Return depth and triangle for rays of separate origins, for all pairs at once (Moeller and Trumbore, 1997)."""
+    a, b, c = corners.swapaxes(0, 1)
+    e1, e2, s = b - a, c - a, origins[:, None] - a
+    h, q = np.cross(rays[:, None], e2), np.cross(s, e1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        f = 1 / (e1 * h).sum(axis=-1)
+        u, v, z = f * (s * h).sum(axis=-1), f * (rays[:, None] * q).sum(axis=-1), f * (e2 * q).sum(axis=-1)
+        z[~((u >= 0) & (v >= 0) & (u + v <= 1) & (z > 0))] = np.inf
+    return z.min(axis=1), z.argmin(axis=1)
 
 
 class Loss:
