@@ -85,3 +85,23 @@ def write_ray_gradients(camera, row, images, gradients):
     pixel = pixel_gradients(camera, row, images, gradients)
     origins = pixel["camera"] @ rotation_matrix(row[3:])
     return np.where(pixel["hit"], images["depth"], 0.0)[..., None] * origins, origins
+
+
+def sum_vertex_gradients(camera, row, images, gradients, index, object_row, vertices, faces):
+    """Return gradients with respect to the vertices of an object of a view, shape (n, 3)."""
+    pixel, rotation = pixel_gradients(camera, row, images, gradients), rotation_matrix(object_row[3:])
+    result = np.zeros((len(vertices), 3))
+    for y, x in zip(*np.nonzero(pixel["hit"] & (images["segmentation"] == index)), strict=True):
+        corners = faces[images["faces"][y, x]]
+        a, b, c = vertices[corners]
+        point = (pixel["world_points"][y, x] - object_row[:3]) @ rotation
+        weights = np.linalg.lstsq(np.vstack([np.array([a, b, c]).T, np.ones(3)]), np.append(point, 1.0))[0]
+        result[corners] += weights[:, None] * (pixel["surface"][y, x] @ rotation)
+        normal, of_normal = pixel["normals"][y, x] @ rotation, pixel["of_normals"][y, x] @ rotation
+        m = np.cross(b - a, c - a)
+        sign, length = np.sign(m @ normal), np.linalg.norm(m)
+        for corner, e in zip(corners, (b - c, c - a, a - b), strict=True):
+            for k in range(3):  # m changes by e x (a unit vector along axis k), where e is the opposite edge
+                change = np.cross(np.eye(3)[k], e)
+                result[corner, k] += of_normal @ (sign * (change - normal * (normal @ change)) / length)
+    return result

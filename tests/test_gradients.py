@@ -86,6 +86,45 @@ def test_gradients_match_central_differences(name, names, device):
 
 
 @pytest.mark.parametrize("name", CAMERAS)
+def test_vertex_sums_match_twin(name, device):
+    camera, rng = CAMERAS[name], np.random.default_rng(2)
+    scene, rows, image = build_scene(device), ROW[None], camera.shape if len(camera.shape) == 2 else (1, *camera.shape)
+    outputs = (*IMAGES, "faces")
+    views = wv.render(scene, camera, rows, object_poses=OBJECT_ROWS[None], outputs=outputs)
+    gradients = {key: np.float32(rng.normal(size=getattr(views, key).numpy().shape)) for key in IMAGES[:3]}
+    images = {key: getattr(views, key) for key in outputs}
+    vertices = np.asarray(scene.objects[2].mesh_vertices)
+    got = DepthGradients(scene, camera).vertices(
+        "stone",
+        wp.array(vertices, dtype=wp.vec3, device=scene.device),
+        parse_poses(rows, convention=camera.axes, axes=camera.axes, device=scene.device),
+        parse_worlds(scene, 1, OBJECT_ROWS[None], None, None),
+        images,
+        {key: wp.array(value, dtype=_type(value), device=scene.device) for key, value in gradients.items()},
+    )
+    shaped = lambda array: np.asarray(array)[0].reshape(*image, *np.shape(array)[1 + len(camera.shape) :])  # noqa: E731
+    expected = twin.sum_vertex_gradients(
+        camera,
+        ROW,
+        {key: shaped(value.numpy()) for key, value in images.items()},
+        {key: shaped(value) for key, value in gradients.items()},
+        2,
+        OBJECT_ROWS[0],
+        vertices.astype(np.float64),
+        scene.objects[2].faces,
+    )
+    assert_close(got.numpy(), expected, 1e-5)
+
+
+def test_missing_images_are_an_error():
+    scene, camera = build_scene(), CAMERAS["pinhole"]
+    depth = wv.render(scene, camera, ROW, outputs="depth").depth
+    poses = parse_poses(ROW[None], convention="opencv", axes="opencv", device=scene.device)
+    with pytest.raises(wv.WarpvisError, match="images must have depth, normals, segmentation, got none of normals"):
+        DepthGradients(scene, camera).poses(poses, parse_worlds(scene, 1, None, None, None), {"depth": depth}, {})
+
+
+@pytest.mark.parametrize("name", CAMERAS)
 def test_ray_gradients_match_central_differences(name, device):
     """Rays are independent of each other, so one step changes all of them."""
     camera = CAMERAS[name]

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +13,7 @@ import warp as wp
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, launch_images
+from warpvis.errors import ArrayError
 from warpvis.rendering.casters.base import ImagesByName, as_image, images_struct
 from warpvis.rendering.casters.rays import rays_on_device
 from warpvis.scene import Scene
@@ -54,6 +56,7 @@ class DepthGradients:
         """Set up for a scene and a camera; `threads` as for `Renderer`."""
         self._scene, self._camera = scene, camera
         self._threads = check_threads(threads)
+        self._cached: dict[str | None, tuple[object, wp.array]] = {}
 
     def poses(
         self, camera_to_world: wp.array, worlds: Worlds, images: ImagesByName, gradients: ImagesByName
@@ -72,6 +75,7 @@ class DepthGradients:
         """
         from warpvis.kernels.gradients.depth_gradients import mat34d, sum_moments, sum_strips
 
+        self._check_images(images)
         views, height, width = as_image(images["depth"]).shape
         columns = 1 + len(self._scene.movable)
         strip_rows = _STRIP_ROWS
@@ -97,6 +101,7 @@ class DepthGradients:
         """Return gradients with respect to the rays of pixels; arguments as for `poses`."""
         from warpvis.kernels.gradients.depth_gradients import write_ray_gradients
 
+        self._check_images(images, ("depth", "normals"))
         shape = as_image(images["depth"]).shape
         result = RayGradients(
             wp.empty(shape, dtype=wp.vec3, device=self._scene.device),
@@ -112,6 +117,53 @@ class DepthGradients:
         )
         return result
 
+    def vertices(
+        self,
+        name: str,
+        vertices: wp.array,
+        camera_to_world: wp.array,
+        worlds: Worlds,
+        images: ImagesByName,
+        gradients: ImagesByName,
+    ) -> wp.array:
+        """Return gradients with respect to the vertices of a movable object, ``(n,)`` vec3d, in the object's frame.
+
+        Args:
+            name: The object.
+            vertices: Its vertices in the render [m], ``(n,)`` vec3.
+            camera_to_world: As for `poses`.
+            worlds: As for `poses`.
+            images: As for `poses`, and ``faces``.
+            gradients: As for `poses`.
+        """
+        from warpvis.kernels.gradients.vertex_gradients import DeformingObject, sum_vertex_gradients
+
+        self._check_images(images, (*NEEDED_IMAGES, "faces"))
+        index, device = self._scene.index(name), self._scene.device
+        deforming = DeformingObject()
+        deforming.index, deforming.column = index, self._scene.movable.index(index)
+        deforming.vertices = vertices
+        faces = self._scene.objects[index].faces
+        deforming.faces = self._on_device(name, faces, lambda: wp.array(faces, dtype=wp.int32, device=device))
+        result = wp.zeros(len(vertices), dtype=wp.vec3d, device=device)
+        inputs = [_images(images), _gradients(gradients), result]
+        launch_images(
+            sum_vertex_gradients,
+            as_image(images["depth"]).shape,
+            lambda window: [worlds, deforming, self._table, camera_to_world, window, *inputs],
+            device=device,
+            threads=1,  # several would add to the same vertices at once
+        )
+        return result
+
+    def _check_images(self, images: ImagesByName, needed: Sequence[str] | None = None) -> None:
+        """Raise an `ArrayError` if an image is missing."""
+        if needed is None:
+            needed = NEEDED_IMAGES if self._scene.movable else NEEDED_IMAGES[:2]
+        missing = [name for name in needed if name not in images]
+        if missing:
+            raise ArrayError(f"images must have {', '.join(needed)}, got none of {', '.join(missing)}")
+
     @cached_property
     def _table(self) -> RayTable:
         """Return the rays of the camera on the scene's device."""
@@ -125,19 +177,26 @@ class DepthGradients:
 
     @property
     def _columns(self) -> wp.array | None:
-        """Return the column of each object in the object poses; None if no object is movable."""
-        return columns_on_device(self._scene)
+        """Return each object's column in the object poses, -1 for static objects; None if none is movable."""
+        scene = self._scene
+        if not scene.movable:
+            return None
+        return self._on_device(
+            None, scene.objects, lambda: wp.array(pose_columns(scene), dtype=wp.int32, device=scene.device)
+        )
 
+    def _on_device(self, name: str | None, source: object, make: Callable[[], wp.array]) -> wp.array:
+        """Return an array that is made from `source`, and again when `source` is replaced by another object.
 
-def columns_on_device(scene: Scene) -> wp.array | None:
-    """Return each object's column in the object poses, -1 for static objects; None if none is movable."""
-    if not scene.movable:
-        return None
-    return wp.array(pose_columns(scene), dtype=wp.int32, device=scene.device)
+        It is not made while a CUDA graph is captured, if the same call ran before.
+        """
+        if name not in self._cached or self._cached[name][0] is not source:
+            self._cached[name] = source, make()
+        return self._cached[name][1]
 
 
 def _images(images: ImagesByName) -> Images:
-    return images_struct({name: as_image(images[name]) for name in NEEDED_IMAGES if name in images})
+    return images_struct({name: as_image(images[name]) for name in (*NEEDED_IMAGES, "faces") if name in images})
 
 
 def _gradients(gradients: ImagesByName) -> ImageGradients:

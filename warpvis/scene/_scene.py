@@ -85,6 +85,8 @@ class Scene:
         self._trees = SceneTrees(self.device)
         # Prepared ray bundles of the most recent renderers, by their inputs.
         self.cached_rays: dict[Hashable, OnceCache] = {}
+        # Renderers with gradients, by their cameras and options; see `warpvis.rendering.differentiable`.
+        self.differentiable: dict[Hashable, Any] = {}
         self._lock = Lock()
         self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
         self._skies: dict[bool, tuple[tuple[Background | None, ...], DeviceSkies]] = {}

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Renders with gradients, on arrays of Warp: the part that `warpvis.torch` and `warpvis.jax` share."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import TYPE_CHECKING, Any
+from weakref import WeakValueDictionary
+
+import numpy as np
+import warp as wp
+
+from warpvis.cameras.base import AnyCamera
+from warpvis.core.checks import as_items
+from warpvis.errors import ArrayError, SceneError
+from warpvis.rendering._choices import CasterName
+from warpvis.rendering._renderer import Renderer
+from warpvis.rendering._views import as_views, pixel_type
+from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients
+from warpvis.scene import Scene, require_scene
+from warpvis.scene.worlds import parse_worlds
+
+if TYPE_CHECKING:
+    from warpvis.kernels.casting.worlds import Worlds
+
+WITH_GRADIENT = ("depth", "points", "normals")
+"""Images that gradients flow through."""
+
+WITHOUT_GRADIENT = ("labels", "segmentation", "faces")
+"""Images of integers."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The arrays that a render depends on, on the scene's device."""
+
+    poses: wp.array
+    """Camera to world in the camera's axes, ``(V,)`` transform."""
+    object_poses: wp.array | None = None
+    """Poses of the movable objects, ``(W, M)`` transform; None for their initial poses."""
+    world_index: wp.array | None = None
+    """World of each view, ``(V,)`` int32; None if there is one world, or view i shows world i."""
+    vertices: Sequence[wp.array] = ()
+    """Vertices of each deforming object, ``(n,)`` vec3."""
+
+
+class DifferentiableRenderer:
+    """Render images of a scene through a camera, and compute gradients of a loss with respect to the inputs."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: AnyCamera,
+        *,
+        deforming: Sequence[str] = (),
+        caster: CasterName = "auto",
+        threads: int | None = None,
+    ) -> None:
+        """Set up the renderer.
+
+        Args:
+            scene: The scene.
+            camera: The camera.
+            deforming: Names of movable objects whose vertices are inputs.
+            caster: As for `Renderer`.
+            threads: As for `Renderer`.
+        """
+        require_scene(scene)
+        self.scene, self.camera = scene, camera
+        self.deforming = tuple(deforming)
+        for name in self.deforming:
+            if scene.index(name) not in scene.movable:
+                raise SceneError(f"vertices must be those of movable objects, got {name!r}, which is static")
+        self._options: dict[str, Any] = {"caster": caster, "threads": threads}
+        self._renderers: dict[tuple[str, ...], Renderer] = {}
+        self._gradients = DepthGradients(scene, camera, threads=threads)
+        self._renderer(("depth",))  # checks the arguments
+
+    def render(self, inputs: Inputs, images: Mapping[str, wp.array]) -> None:
+        """Render into images of ``(V, *camera.shape)``, by name; moves the vertices of the deforming objects first."""
+        for name, vertices in zip(self.deforming, inputs.vertices, strict=True):
+            self.scene.update_vertices(name, vertices)
+        self._renderer(tuple(images)).render(
+            inputs.poses,
+            object_poses=inputs.object_poses,
+            world_index=inputs.world_index,
+            convention=self.camera.axes,
+            out=as_views(images),
+        )
+
+    def pose_gradients(
+        self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
+    ) -> wp.array:
+        """Return gradients with respect to poses, as `DepthGradients.poses` does."""
+        return self._gradients.poses(inputs.poses, self._worlds(inputs), images, gradients)
+
+    def ray_gradients(
+        self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
+    ) -> tuple[wp.array, wp.array | None]:
+        """Return gradients with respect to rays, as `DepthGradients.rays` does."""
+        return self._gradients.rays(inputs.poses, images, gradients)
+
+    def vertex_gradients(
+        self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
+    ) -> list[wp.array]:
+        """Return gradients with respect to the vertices of each deforming object, as `DepthGradients.vertices` does."""
+        worlds = self._worlds(inputs)
+        return [
+            self._gradients.vertices(name, vertices, inputs.poses, worlds, images, gradients)
+            for name, vertices in zip(self.deforming, inputs.vertices, strict=True)
+        ]
+
+    def needed_images(self) -> tuple[str, ...]:
+        """Return the images of a render that its gradients are computed from."""
+        names = NEEDED_IMAGES if self.scene.movable else NEEDED_IMAGES[:2]
+        return (*names, "faces") if self.deforming else names
+
+    def _worlds(self, inputs: Inputs) -> Worlds:
+        return parse_worlds(self.scene, len(inputs.poses), inputs.object_poses, inputs.world_index, None)
+
+    def _renderer(self, outputs: tuple[str, ...]) -> Renderer:
+        """Return the renderer of these images, cached."""
+        if outputs not in self._renderers:
+            self._renderers[outputs] = Renderer(self.scene, self.camera, outputs=outputs, **self._options)
+        return self._renderers[outputs]
+
+
+_MAX_CACHED = 64
+"""Largest number of renderers that a scene keeps."""
+
+_numbers = count(1)
+_numbered: WeakValueDictionary[int, DifferentiableRenderer] = WeakValueDictionary()
+"""Renderers by number. Functions of other libraries that are traced take numbers, but no objects."""
+
+
+def renderer_number(scene: Scene, camera: AnyCamera, **options: Any) -> int:
+    """Return the number of the renderer of a scene, a camera and options; it lives as long as the scene."""
+    require_scene(scene)
+    cached: dict[Hashable, tuple[int, DifferentiableRenderer]] = scene.differentiable
+    key = (id(camera), *sorted(options.items()))
+    if key not in cached or cached[key][1].camera is not camera:
+        while len(cached) >= _MAX_CACHED:
+            del cached[next(iter(cached))]
+        number = next(_numbers)
+        cached[key] = number, DifferentiableRenderer(scene, camera, **options)
+        _numbered[number] = cached[key][1]
+    return cached[key][0]
+
+
+def numbered_renderer(number: int) -> DifferentiableRenderer:
+    """Return a renderer by its number."""
+    try:
+        return _numbered[number]
+    except KeyError:
+        raise SceneError("scene must exist as long as functions that were traced with it") from None
+
+
+def check_image_names(outputs: object) -> tuple[str, ...]:
+    """Return the names of requested images, without duplicates."""
+    names = as_items(outputs, "outputs")
+    known = (*WITH_GRADIENT, *WITHOUT_GRADIENT)
+    unknown = [str(name) for name in names if name not in known]
+    if unknown or not names:
+        raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
+    return tuple(dict.fromkeys(names))
+
+
+def image_shape(name: str, views: int, camera: AnyCamera) -> tuple[int, ...]:
+    """Return the shape of an image of all views, with its components."""
+    return (views, *camera.shape, *([3] if pixel_type(name) is wp.vec3 else []))
+
+
+def image_dtype(name: str) -> np.dtype:
+    """Return the dtype of the components of an image."""
+    return np.dtype({"labels": np.uint8, "segmentation": np.int32, "faces": np.int32}.get(name, np.float32))
