@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -16,7 +16,7 @@ import warp as wp
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, SceneError
-from warpvis.rendering._choices import CasterName
+from warpvis.rendering._choices import CasterName, Output
 from warpvis.rendering._renderer import Renderer
 from warpvis.rendering._views import as_views, pixel_type
 from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients
@@ -124,7 +124,8 @@ class DifferentiableRenderer:
     def _renderer(self, outputs: tuple[str, ...]) -> Renderer:
         """Return the renderer of these images, cached."""
         if outputs not in self._renderers:
-            self._renderers[outputs] = Renderer(self.scene, self.camera, outputs=outputs, **self._options)
+            chosen = cast("Sequence[Output]", outputs)
+            self._renderers[outputs] = Renderer(self.scene, self.camera, outputs=chosen, **self._options)
         return self._renderers[outputs]
 
 
