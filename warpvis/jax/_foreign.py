@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Renders and their gradients as functions of XLA's foreign function interface."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache
+from typing import Any, NamedTuple
+
+import warp as wp
+from jax import Array
+
+from warpvis.rendering import differentiable
+from warpvis.rendering.differentiable import WITH_GRADIENT, WITHOUT_GRADIENT, Inputs, numbered_renderer
+
+_Spec = tuple[tuple[str, Any, int], ...]
+"""Names, dtypes and numbers of axes of arrays."""
+
+_streams: dict[str, wp.Stream] = {}
+"""Warp's streams of GPUs, by the names of devices."""
+
+
+class Arrays(NamedTuple):
+    """The arrays that a render depends on; see `Inputs`."""
+
+    poses: Array
+    object_poses: Array | None
+    world_index: Array | None
+    vertices: tuple[Array, ...]
+
+
+def call_cast(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, Array]:
+    camera, views = numbered_renderer(number).camera, len(arrays.poses)
+    given = _named(arrays)
+    shapes = dict.fromkeys(names, (views, *camera.shape))
+    outputs = tuple((name, differentiable.pixel_type(name), 1 + len(camera.shape)) for name in names)
+    results = _call(_write_images, number, (_input_spec(arrays), given), outputs, shapes)
+    return dict(zip(names, results, strict=True))
+
+
+def call_pose_gradients(number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]) -> Array:
+    renderer = numbered_renderer(number)
+    inputs = _gradient_inputs(number, arrays, images, gradients)
+    shape = len(arrays.poses), 1 + len(renderer.scene.movable)
+    outputs = (("of_poses", wp.transform, 2),)
+    return _call(_write_pose_gradients, number, inputs, outputs, {"of_poses": shape})[0]
+
+
+def call_vertex_gradients(
+    number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
+) -> tuple[Array, ...]:
+    inputs = _gradient_inputs(number, arrays, images, gradients)
+    shapes = {f"of_vertices_{k}": (len(vertices),) for k, vertices in enumerate(arrays.vertices)}
+    outputs = tuple((name, wp.vec3, 1) for name in shapes)
+    return tuple(_call(_write_vertex_gradients, number, inputs, outputs, shapes))
+
+
+def _call(
+    function: Callable[[int, dict[str, wp.array]], None],
+    number: int,
+    inputs: tuple[_Spec, dict[str, Array]],
+    outputs: _Spec,
+    shapes: Mapping[str, tuple[int, ...]],
+) -> Sequence[Array]:
+    """Return the outputs of a foreign function; shapes are without the components of vectors."""
+    device = numbered_renderer(number).scene.device
+    if device.is_cuda:
+        _streams.setdefault(device.alias, device.stream)
+    types, arrays = inputs
+    return _foreign(function, types, outputs)(*arrays.values(), number, output_dims=dict(shapes))
+
+
+def _gradient_inputs(
+    number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
+) -> tuple[_Spec, dict[str, Array]]:
+    """Return the inputs of a foreign function that computes gradients, and their types."""
+    axes = 1 + len(numbered_renderer(number).camera.shape)
+    types = tuple((name, differentiable.pixel_type(name), axes) for name in images)
+    of_types = tuple((f"of_{name}", differentiable.pixel_type(name), axes) for name in gradients)
+    named = {f"of_{name}": gradient for name, gradient in gradients.items()}
+    return (*_input_spec(arrays), *types, *of_types), {**_named(arrays), **images, **named}
+
+
+def _named(arrays: Arrays) -> dict[str, Array]:
+    """Return the arrays that are given, by name."""
+    named = {"poses": arrays.poses, "object_poses": arrays.object_poses, "world_index": arrays.world_index}
+    named = {name: array for name, array in named.items() if array is not None}
+    return {**named, **{f"vertices_{k}": vertices for k, vertices in enumerate(arrays.vertices)}}
+
+
+def _input_spec(arrays: Arrays) -> _Spec:
+    types = {"poses": (wp.transform, 1), "object_poses": (wp.transform, 2), "world_index": (wp.int32, 1)}
+    return tuple((name, *types.get(name, (wp.vec3, 1))) for name in _named(arrays))
+
+
+@cache
+def _foreign(function: Callable[[int, dict[str, wp.array]], None], inputs: _Spec, outputs: _Spec) -> Any:
+    """Return a JAX function that calls ``function(number, arrays)`` with its inputs and outputs by name.
+
+    Its arguments are the inputs and the number of a renderer. Graphs are not captured, since renders may build trees
+    and allocate memory.
+    """
+    parameters = [(name, wp.array(dtype=dtype, ndim=axes)) for name, dtype, axes in inputs]
+    parameters.append(("number", wp.int32))
+    parameters += [(name, wp.array(dtype=dtype, ndim=axes)) for name, dtype, axes in outputs]
+
+    def call(*values: Any) -> None:
+        arrays = {name: value for (name, _), value in zip(parameters, values, strict=True)}
+        number = int(arrays.pop("number"))
+        with _on_warp_stream(arrays["poses"].device):
+            function(number, arrays)
+
+    call.__annotations__ = dict(parameters)
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    signature = inspect.Signature([inspect.Parameter(name, kind, annotation=type_) for name, type_ in parameters])
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    return wp.jax_callable(
+        call,
+        num_outputs=len(outputs),
+        graph_mode=wp.JaxCallableGraphMode.NONE,
+        module_preload_mode=wp.JaxModulePreloadMode.NONE,
+        vmap_method=None,
+    )
+
+
+def _on_warp_stream(device: wp.Device) -> AbstractContextManager[Any]:
+    """Use Warp's stream of a GPU, which first waits for XLA's stream; after the call, XLA's stream waits for it.
+
+    Calls of the scene outside of JAX are on the same stream, and Warp releases memory in the order of its own streams.
+    """
+    if device.is_cpu or device.alias not in _streams:
+        return nullcontext()
+    return wp.ScopedStream(_streams[device.alias], sync_enter=True, sync_exit=True)
+
+
+def _as_inputs(arrays: Mapping[str, wp.array]) -> Inputs:
+    vertices = [array for name, array in arrays.items() if name.startswith("vertices_")]
+    return Inputs(arrays["poses"], arrays.get("object_poses"), arrays.get("world_index"), vertices)
+
+
+def _split(arrays: Mapping[str, wp.array]) -> tuple[Inputs, dict[str, wp.array], dict[str, wp.array]]:
+    """Return the inputs, the images and the gradients of images."""
+    images = {name: arrays[name] for name in (*WITH_GRADIENT, *WITHOUT_GRADIENT) if name in arrays}
+    gradients = {name: arrays[f"of_{name}"] for name in WITH_GRADIENT if f"of_{name}" in arrays}
+    return _as_inputs(arrays), images, gradients
+
+
+def _write_images(number: int, arrays: dict[str, wp.array]) -> None:
+    inputs, images, _ = _split(arrays)
+    numbered_renderer(number).render(inputs, images)
+
+
+def _write_pose_gradients(number: int, arrays: dict[str, wp.array]) -> None:
+    wp.copy(arrays["of_poses"], numbered_renderer(number).pose_gradients(*_split(arrays)))
+
+
+def _write_vertex_gradients(number: int, arrays: dict[str, wp.array]) -> None:
+    for k, result in enumerate(numbered_renderer(number).vertex_gradients(*_split(arrays))):
+        wp.utils.array_cast(result, arrays[f"of_vertices_{k}"])
