@@ -219,6 +219,16 @@ def _real_cameras(folder):
     return {"raw": raw, "K": camera.to_K(pixel_center=0.0)}
 
 
+def _registration(folder):
+    scene, camera = _tabletop(), wv.Camera.from_fov(160, 120, hfov=1.0, near=0.3, far=6.0)
+    scene.add(trimesh.creation.box((9, 9, 0.1)), name="floor", label="ground", pose=(2, 0, -0.05, 0, 0, 0, 1))
+    truth = wv.look_at((0.5, -1.0, 1.5), (2, 0, 0.7))
+    depth = wv.render(scene, camera, truth, outputs="depth").depth.numpy()[0]
+    initial = np.array([wv.look_at((0.5 + x, -1.03, 1.52), (2, 0.03, 0.7)) for x in (0.0, 0.04, 0.08)])
+    mug = np.array([[[2.32, 0.02, 0.76, 0, 0, 0, 1]]])
+    return {"scene": scene, "camera": camera, "depth": depth, "initial": initial, "truth": truth, "mug": mug}
+
+
 def _calibration_files(folder):
     from support.calibration_files import FISHEYE, RADTAN, F, kalibr
 

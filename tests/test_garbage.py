@@ -63,6 +63,7 @@ RESULTS = {
     "ConstraintCheck",
     "Coverage",
     "DepthComparison",
+    "Registration",
     "Device",
     "Lidar",
     "Experiment",
@@ -258,7 +259,7 @@ NAMES = (
     "Ortho gym open_ framing depth_ from_image to_image from_color to_color to_compressed to_point to_occ find_ quanti "
     "range_ recog segm Li bpearl even hdl vl pandar64 xt32 qt128 at128 rplidar "
     "Motion Rolling deskew laser_ livox ouster gather_ measure_ reflect spread_ to_laser Rays Wide Rangef "
-    "lights_ line_ robot_ register_ to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
+    "lights_ line_ robot_ register to_livox Matched Stereo realsense_ gemini_ zed_ oak_ kinect_ structure fit "
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
     "Viewer view MujocoStage read_scene Webots "
     "Body Colors Figure Person at_ in_circle in_queue read_figure crouching looking_ pointing posed reaching sitting "

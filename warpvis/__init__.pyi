@@ -38,6 +38,7 @@ from .maps import (
     compare_depth as compare_depth,
     fit_floor as fit_floor,
     floor_map as floor_map,
+    register as register,
     voxel_map as voxel_map,
     voxel_map_from_scene as voxel_map_from_scene,
 )
