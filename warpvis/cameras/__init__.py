@@ -15,6 +15,26 @@ from warpvis.cameras.image_cameras import (
 )
 from warpvis.cameras.lens_camera import LensCamera
 from warpvis.cameras.orthographic import OrthographicCamera
+from warpvis.cameras.parameters import (
+    origin_jacobian,
+    parameter_names,
+    parameter_values,
+    ray_jacobian,
+    with_parameters,
+)
 from warpvis.cameras.rays import RayCamera, Rays, WideCamera
 
-__all__ = ["AnyCamera", "LensCamera", "OrthographicCamera", "RayCamera", "Rays", "WideCamera", "lenses"]
+__all__ = [
+    "AnyCamera",
+    "LensCamera",
+    "OrthographicCamera",
+    "RayCamera",
+    "Rays",
+    "WideCamera",
+    "lenses",
+    "origin_jacobian",
+    "parameter_names",
+    "parameter_values",
+    "ray_jacobian",
+    "with_parameters",
+]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpvis.cameras.base import AnyCamera, DepthKind, Value
 from warpvis.cameras.checks import MAX_RAYS, as_floats, as_rows, check_image_size, check_range
-from warpvis.cameras.lenses import directions_on_sphere
+from warpvis.cameras.lenses import directions_on_sphere, jacobian_on_sphere
 from warpvis.core.arrays import freeze
 from warpvis.core.checks import check_choice, degrees_hint, is_number
 from warpvis.core.poses import Convention, check_convention
@@ -283,6 +283,18 @@ class WideCamera(RayCamera):
         points = as_rows(pixels, 2, "pixels")
         x, y = np.moveaxis(np.where(self._contains(points), points, np.nan), -1, 0)
         return self._directions(x, y)
+
+    def angle_jacobian(self) -> NDArray[np.float64]:
+        """Return the derivatives of `rays` with respect to `hfov` [1/rad], shape ``(height, width, 3)``."""
+        u = np.broadcast_to((np.arange(self.width) + 0.5) / self.width - 0.5, self.shape)
+        v = np.broadcast_to(((np.arange(self.height) + 0.5) / self.height - 0.5)[:, None], self.shape)
+        if self.projection == "spherical":
+            radius = np.hypot(u, v)
+            angle = self.hfov * radius
+            return np.stack([u * np.cos(angle), v * np.cos(angle), -radius * np.sin(angle)], axis=-1)
+        ratio = self.height / self.width
+        jacobian = jacobian_on_sphere(u * self.hfov, v * (self.hfov * ratio))
+        return jacobian[..., 0] * u[..., None] + jacobian[..., 1] * (v * ratio)[..., None]
 
     def _directions(self, x: NDArray[np.floating], y: NDArray[np.floating]) -> NDArray[np.float64]:
         u, v = x / self.width - 0.5, y / self.height - 0.5

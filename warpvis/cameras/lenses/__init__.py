@@ -29,6 +29,12 @@ from warpvis.cameras.lenses._panoramas import (
     Cylindrical,
     Equirectangular,
     directions_on_sphere as directions_on_sphere,
+    jacobian_on_sphere as jacobian_on_sphere,
+)
+from warpvis.cameras.lenses._parameters import (
+    lens_jacobian as lens_jacobian,
+    lens_parameters as lens_parameters,
+    lens_with_parameters as lens_with_parameters,
 )
 from warpvis.cameras.lenses._pinhole import OpenCVPinhole
 

@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from warpvis.cameras.lenses._lens import Floats, RadialLens, rays_of
+from warpvis.cameras.lenses._lens import Floats, RadialLens, radial_jacobian, rays_of
 
 _AZIMUTHS = 720
 _ANGLES = 512  # per azimuth, up to the limit
@@ -59,6 +59,29 @@ class BentLens(RadialLens):
 
     @abstractmethod
     def _bend(self, x: Floats, y: Floats) -> Bent: ...
+
+    @abstractmethod
+    def _bend_slopes(self, x: Floats, y: Floats) -> Floats:
+        """Return derivatives of the bent points for all parameters after ``fx fy cx cy``, shape ``(n, 2, C)``."""
+
+    def _plane_slopes(self, angle: Floats) -> tuple[Floats, Floats]:
+        """Return derivatives of `_plane_radius` for the angle, ``(n,)``, and parameters as above, ``(n, 1 or C)``."""
+        slope = 1 / np.cos(angle) ** 2 if self._is_flat else np.ones_like(angle)
+        return slope, np.zeros((len(angle), 1))
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats:
+        sine = np.hypot(directions[:, 0], directions[:, 1])
+        angle = np.arctan2(sine, directions[:, 2])
+        scale = np.where(sine > 0, self._plane_radius(angle) / np.where(sine > 0, sine, 1.0), 0.0)
+        x, y = scale * directions[:, 0], scale * directions[:, 1]
+        # At a fixed pixel, J dx + (derivative of the bent point) = (derivative of the point of the pixel).
+        off = np.concatenate([self._intrinsic_slopes(pixels), -self._bend_slopes(x, y)], axis=2)
+        bent = Bent(*(part[:, None] for part in self._bend(x, y)))
+        solved = bent.yy * off[:, 0] - bent.xy * off[:, 1], bent.xx * off[:, 1] - bent.yx * off[:, 0]
+        moved = np.stack(solved, axis=1) / bent.determinant[:, None]
+        slope, widened = self._plane_slopes(angle)
+        widened = np.concatenate([np.zeros((len(angle), 4)), widened + np.zeros(off[:, 0, 4:].shape)], axis=1)
+        return radial_jacobian(angle, x, y, slope, moved, widened)
 
     @property
     def max_angle(self) -> float:

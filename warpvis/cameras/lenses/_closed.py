@@ -18,6 +18,9 @@ import numpy as np
 from warpvis.cameras.lenses._lens import Floats, RadialLens
 from warpvis.errors import CameraError
 
+_SERIES_OMEGA = 1e-4
+"""Omega of `FOV` below which its derivative is a series [rad]."""
+
 
 @dataclass(frozen=True)
 class DoubleSphere(RadialLens):
@@ -47,6 +50,12 @@ class DoubleSphere(RadialLens):
         denominator = alpha * second + (1 - alpha) * (xi + cosine)
         denominator_slope = -alpha * xi * sine / second - (1 - alpha) * sine
         return sine / denominator, (cosine * denominator - sine * denominator_slope) / denominator**2
+
+    def _radius_slopes(self, angle: Floats) -> Floats:
+        sine, depth, alpha = np.sin(angle), self.xi + np.cos(angle), self.alpha
+        second = np.sqrt(sine * sine + depth * depth)
+        factor = -sine / (alpha * second + (1 - alpha) * depth) ** 2
+        return np.stack([factor * (alpha * depth / second + 1 - alpha), factor * (second - depth)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,12 @@ class EUCM(RadialLens):
         denominator_slope = alpha * (beta - 1) * sine * cosine / length - (1 - alpha) * sine
         return sine / denominator, (cosine * denominator - sine * denominator_slope) / denominator**2
 
+    def _radius_slopes(self, angle: Floats) -> Floats:
+        sine, cosine, alpha = np.sin(angle), np.cos(angle), self.alpha
+        length = np.sqrt(self.beta * sine * sine + cosine * cosine)
+        factor = -sine / (alpha * length + (1 - alpha) * cosine) ** 2
+        return np.stack([factor * (length - cosine), factor * alpha * sine * sine / (2 * length)], axis=1)
+
 
 @dataclass(frozen=True)
 class FOV(RadialLens):
@@ -108,6 +123,14 @@ class FOV(RadialLens):
         sine, cosine = np.sin(angle), np.cos(angle)
         return np.arctan2(factor * sine, cosine) / self.omega, factor / self.omega / (cosine**2 + (factor * sine) ** 2)
 
+    def _radius_slopes(self, angle: Floats) -> Floats:
+        if abs(self.omega) < _SERIES_OMEGA:  # r = tan + omega^2 (tan / 12 - tan^3 / 3) + ...; differences cancel
+            r = np.tan(angle)
+            return 2 * self.omega * (r / 12 - r**3 / 3)[:, None]
+        sine, cosine, factor = np.sin(angle), np.cos(angle), 2 * math.tan(self.omega / 2)
+        slope = sine * cosine * (1 + factor * factor / 4) / (cosine**2 + (factor * sine) ** 2)
+        return ((slope - self._radius(angle)[0]) / self.omega)[:, None]
+
 
 @dataclass(frozen=True)
 class Division(RadialLens):
@@ -127,6 +150,11 @@ class Division(RadialLens):
         denominator = cosine + root
         denominator_slope = -sine - (1 + 4 * self.k) * sine * cosine / root
         return 2 * sine / denominator, 2 * (cosine * denominator - sine * denominator_slope) / denominator**2
+
+    def _radius_slopes(self, angle: Floats) -> Floats:
+        sine, cosine = np.sin(angle), np.cos(angle)
+        root = np.sqrt(cosine * cosine - 4 * self.k * sine * sine)
+        return (4 * sine**3 / ((cosine + root) ** 2 * root))[:, None]
 
 
 def _check_alpha(alpha: float) -> None:

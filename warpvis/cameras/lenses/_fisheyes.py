@@ -16,8 +16,8 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from warpvis.cameras.lenses._bent import Bent, BentLens
-from warpvis.cameras.lenses._lens import Floats, Lens, RadialLens, Rising, check_coefficients, rays_of
-from warpvis.cameras.lenses._pinhole import decentered, scaled
+from warpvis.cameras.lenses._lens import Floats, Lens, RadialLens, Rising, check_coefficients, radial_jacobian, rays_of
+from warpvis.cameras.lenses._pinhole import decentered, decentered_slopes, scaled
 from warpvis.core.checks import check_choice, is_number
 from warpvis.errors import CameraError
 
@@ -36,6 +36,11 @@ def _angle_radius(angle: Floats, coefficients: Sequence[float]) -> tuple[Floats,
     return angle * gain, gain + 2 * angle * angle * slope
 
 
+def gain_slopes(square: Floats, count: int) -> Floats:
+    """Return derivatives of `angle_gain` with respect to the first `count` coefficients, shape ``(n, count)``."""
+    return square[:, None] ** np.arange(1, count + 1)
+
+
 @dataclass(frozen=True)
 class KannalaBrandt(RadialLens):
     """OpenCV's fisheye, called equidistant in ROS and Kalibr: ``r = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)``.
@@ -47,9 +52,13 @@ class KannalaBrandt(RadialLens):
     """``k1 k2 k3 k4``."""
 
     _counts: ClassVar[tuple[int, ...]] = (4,)
+    _coefficient_names = ("k1", "k2", "k3", "k4")
 
     def _radius(self, angle: Floats) -> tuple[Floats, Floats]:
         return _angle_radius(angle, self.coefficients)
+
+    def _radius_slopes(self, angle: Floats) -> Floats:
+        return angle[:, None] * gain_slopes(angle * angle, 4)
 
 
 @dataclass(frozen=True)
@@ -60,6 +69,7 @@ class ThinPrismFisheye(BentLens):
     """``k1 k2 p1 p2 k3 k4 sx1 sy1``."""
 
     _counts: ClassVar[tuple[int, ...]] = (8,)
+    _coefficient_names = ("k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1")
     _is_flat: ClassVar[bool] = False
 
     @property
@@ -81,6 +91,11 @@ class ThinPrismFisheye(BentLens):
         added = decentered(x, y, (p1, p2), (sx1, 0.0, sy1, 0.0))
         return Bent(*(a + b for a, b in zip(radial, added, strict=True)))
 
+    def _bend_slopes(self, x: Floats, y: Floats) -> Floats:
+        radial = np.stack([x, y], axis=1)[:, :, None] * gain_slopes(x * x + y * y, 4)[:, None]
+        shifts = decentered_slopes(x, y)
+        return np.concatenate([radial[:, :, :2], shifts[:, :, :2], radial[:, :, 2:], shifts[:, :, [2, 4]]], axis=2)
+
 
 @dataclass(frozen=True)
 class RadTanThinPrismFisheye(BentLens):
@@ -93,6 +108,7 @@ class RadTanThinPrismFisheye(BentLens):
     """``k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3``."""
 
     _counts: ClassVar[tuple[int, ...]] = (12,)
+    _coefficient_names = ("k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3")
     _is_flat: ClassVar[bool] = False
 
     @property
@@ -117,6 +133,16 @@ class RadTanThinPrismFisheye(BentLens):
             yx * radial.xy + yy * radial.yy,
         )
 
+    def _bend_slopes(self, x: Floats, y: Floats) -> Floats:
+        p0, p1, *prism = self.coefficients[6:]
+        gain = angle_gain(x * x + y * y, self.coefficients[:6])[0]
+        scaled_x, scaled_y = x * gain, y * gain
+        added = decentered(scaled_x, scaled_y, (p1, p0), tuple(prism))
+        jacobian = np.stack([1 + added.xx, added.xy, added.yx, 1 + added.yy], axis=1).reshape(-1, 2, 2)
+        radial = np.stack([x, y], axis=1)[:, :, None] * gain_slopes(x * x + y * y, 6)[:, None]
+        shifts = decentered_slopes(scaled_x, scaled_y)[:, :, [1, 0, 2, 3, 4, 5]]
+        return np.concatenate([jacobian @ radial, shifts], axis=2)
+
 
 @dataclass(frozen=True)
 class FTheta(Lens):
@@ -136,6 +162,9 @@ class FTheta(Lens):
     """Direction of the polynomial, between radians and pixels."""
     max_view_angle: float = math.pi
     """Maximum angle from the axis that the camera sees [rad]."""
+
+    _coefficient_names = ("k1", "k2", "k3", "k4", "k5", "k6", "k7", "k8", "k9", "k10")
+    _settings = ("max_view_angle",)
 
     def __post_init__(self) -> None:
         for name in ("cx", "cy"):
@@ -197,3 +226,16 @@ class FTheta(Lens):
         else:
             angle = np.where(radius <= self._rising.end, self._value(radius), np.nan)
         return rays_of(np.where(angle <= self.max_angle, angle, np.nan), x, y, radius)
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats:
+        x, y = pixels[:, 0] - self.cx, pixels[:, 1] - self.cy
+        angle = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
+        argument = angle if self._is_forward else np.hypot(x, y)
+        slope = np.polynomial.Polynomial([0.0, *self.coefficients]).deriv()(argument)
+        powers = argument[:, None] ** np.arange(1, len(self.coefficients) + 1)
+        if not self._is_forward:  # the inverse function: dr/dt = 1 / (dt/dr), dr = -dt / (dt/dr)
+            powers, slope = -powers / slope[:, None], 1 / slope
+        widened = np.concatenate([np.zeros((len(x), 2)), powers], axis=1)
+        moved = np.zeros((len(x), 2, widened.shape[1]))
+        moved[:, 0, 0] = moved[:, 1, 1] = -1.0
+        return radial_jacobian(angle, x, y, slope, moved, widened)

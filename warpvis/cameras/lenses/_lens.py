@@ -35,6 +35,11 @@ class Lens(ABC):
     OpenCV, ROS and Kalibr, where pixel centers are at integers.
     """
 
+    _coefficient_names: ClassVar[tuple[str, ...]] = ()
+    """Names of the numbers in `coefficients`."""
+    _settings: ClassVar[tuple[str, ...]] = ()
+    """Fields that are numbers, but not parameters of the mapping."""
+
     def project(self, points: ArrayLike) -> NDArray[np.float64]:
         """Project camera-frame points to the image.
 
@@ -115,6 +120,10 @@ class Lens(ABC):
 
     @abstractmethod
     def _unproject(self, pixels: Floats) -> Floats: ...
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats | None:
+        """Return derivatives of directions at fixed pixels, shape ``(n, 3, P)``; None without formulas for them."""
+        return None
 
 
 class Rising:
@@ -236,6 +245,27 @@ class RadialLens(Lens):
         radius = np.hypot(x, y)
         return rays_of(self._rising.inverse(radius), x, y, radius)
 
+    def _radius_slopes(self, angle: Floats) -> Floats | None:
+        """Return derivatives of the radius at fixed angles, for all parameters after ``fx fy cx cy``, ``(n, C)``."""
+        return None
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats | None:
+        angle = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
+        slopes = self._radius_slopes(angle)
+        if slopes is None:
+            return None
+        moved = np.concatenate([self._intrinsic_slopes(pixels), np.zeros((len(pixels), 2, slopes.shape[1]))], axis=2)
+        widened = np.concatenate([np.zeros((len(pixels), 4)), slopes], axis=1)
+        return radial_jacobian(angle, *self._from_pixels(pixels), self._radius(angle)[1], moved, widened)
+
+    def _intrinsic_slopes(self, pixels: Floats) -> Floats:
+        """Return derivatives of `_from_pixels` with respect to ``fx fy cx cy``, shape ``(n, 2, 4)``."""
+        x, y = self._from_pixels(pixels)
+        slopes = np.zeros((len(pixels), 2, 4))
+        slopes[:, 0, 0], slopes[:, 1, 1] = -x / self.fx, -y / self.fy
+        slopes[:, 0, 2], slopes[:, 1, 3] = -1 / self.fx, -1 / self.fy
+        return slopes
+
     def _to_pixels(self, x: Floats, y: Floats) -> Floats:
         return np.stack([self.fx * x + self.cx, self.fy * y + self.cy], axis=-1)
 
@@ -247,6 +277,33 @@ def rays_of(angle: Floats, x: Floats, y: Floats, radius: Floats) -> Floats:
     """Return unit vectors at an angle from the axis [rad], toward ``(x, y)`` with that radius."""
     scale = np.where(radius > 0, np.sin(angle) / np.where(radius > 0, radius, 1.0), 0.0)
     return np.stack([scale * x, scale * y, np.cos(angle)], axis=-1)
+
+
+def radial_jacobian(angle: Floats, x: Floats, y: Floats, slope: Floats, moved: Floats, widened: Floats) -> Floats:
+    """Return derivatives of the unit vectors ``(sin t e, cos t)``, where ``r(t) e`` is a point of a plane.
+
+    With ``e'`` normal to ``e``, ``dt = (e . dx - dr) / (dr/dt)`` and the azimuth changes by ``(e' . dx) / r``.
+
+    Args:
+        angle: Angles t from the axis [rad], shape ``(n,)``.
+        x: Coordinates of the points, shape ``(n,)``.
+        y: Coordinates of the points, shape ``(n,)``.
+        slope: Derivatives dr/dt of the radius with respect to the angle, shape ``(n,)``.
+        moved: Derivatives dx of the points with respect to P parameters, shape ``(n, 2, P)``.
+        widened: Derivatives dr of the radius at a fixed angle with respect to P parameters, shape ``(n, P)``.
+
+    Returns:
+        Shape ``(n, 3, P)``.
+    """
+    radius, sine, cosine = np.hypot(x, y), np.sin(angle), np.cos(angle)
+    away = radius > 0
+    divisor = np.where(away, radius, 1.0)
+    # On the axis any azimuth will do: the radius grows equally in all directions.
+    ex, ey = np.where(away, x / divisor, 1.0)[:, None], np.where(away, y / divisor, 0.0)[:, None]
+    along = (ex * moved[:, 0] + ey * moved[:, 1] - widened) / slope[:, None]
+    across = (ex * moved[:, 1] - ey * moved[:, 0]) * np.where(away, sine / divisor, 1 / slope)[:, None]
+    outward = cosine[:, None] * along
+    return np.stack([ex * outward - ey * across, ey * outward + ex * across, -sine[:, None] * along], axis=1)
 
 
 def check_fields(lens: Lens, counts: Sequence[int] = (), positive: Sequence[str] = ("fx", "fy")) -> None:

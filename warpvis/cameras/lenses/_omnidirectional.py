@@ -16,9 +16,9 @@ from typing import ClassVar
 import numpy as np
 
 from warpvis.cameras.lenses._bent import Bent, BentLens
-from warpvis.cameras.lenses._fisheyes import MAX_RADIUS, angle_gain
-from warpvis.cameras.lenses._lens import Floats, Lens, Rising, check_coefficients, rays_of
-from warpvis.cameras.lenses._pinhole import decentered, scaled
+from warpvis.cameras.lenses._fisheyes import MAX_RADIUS, angle_gain, gain_slopes
+from warpvis.cameras.lenses._lens import Floats, Lens, Rising, check_coefficients, radial_jacobian, rays_of
+from warpvis.cameras.lenses._pinhole import decentered, decentered_slopes, scaled
 from warpvis.core.checks import is_number
 from warpvis.errors import CameraError
 
@@ -41,6 +41,7 @@ class Mei(BentLens):
     """``k1 k2 p1 p2``."""
 
     _counts: ClassVar[tuple[int, ...]] = (4,)
+    _coefficient_names = ("k1", "k2", "p1", "p2")
     _is_flat: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
@@ -90,6 +91,16 @@ class Mei(BentLens):
         plane_slope = (1 + self.xi * np.cos(angle)) / (denominator * denominator)
         return radius * gain, (gain + 2 * radius * radius * slope) * plane_slope
 
+    def _plane_slopes(self, angle: Floats) -> tuple[Floats, Floats]:
+        square = (np.cos(angle) + self.xi) ** 2
+        widened = np.zeros((len(angle), 5))
+        widened[:, 0] = -np.sin(angle) / square
+        return (1 + self.xi * np.cos(angle)) / square, widened
+
+    def _bend_slopes(self, x: Floats, y: Floats) -> Floats:
+        radial = np.stack([x, y], axis=1)[:, :, None] * gain_slopes(x * x + y * y, 2)[:, None]
+        return np.concatenate([np.zeros((len(x), 2, 1)), radial, decentered_slopes(x, y)[:, :, :2]], axis=2)
+
     def _bend(self, x: Floats, y: Floats) -> Bent:
         radial = scaled(x, y, *angle_gain(x * x + y * y, self.coefficients[:2]))
         added = decentered(x, y, self.coefficients[2:], (0.0,) * 4)
@@ -113,6 +124,8 @@ class Scaramuzza(Lens):
     """``a0 a1 a2 ...``, 1 to 12 numbers; ``a0`` [px] is negative."""
     affine: tuple[float, ...] = (1.0, 0.0, 0.0, 1.0)
     """The matrix ``((a, b), (c, d))`` as ``a b c d``."""
+
+    _coefficient_names = ("a0", "a1", "a2", "a3", "a4", "a5", "a6", "a7", "a8", "a9", "a10", "a11")
 
     def __post_init__(self) -> None:
         for name in ("cx", "cy"):
@@ -167,3 +180,19 @@ class Scaramuzza(Lens):
         radius = np.hypot(x, y)
         angle = np.where(radius <= self._rising.end, self._angle(radius)[0], np.nan)
         return rays_of(angle, x, y, radius)
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats:
+        (a, b, c, d), count = self.affine, len(self.coefficients)
+        inverse = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+        x, y = inverse @ (pixels - (self.cx, self.cy)).T
+        radius = np.hypot(x, y)
+        angle, slope = self._angle(radius)
+        depth = np.polynomial.Polynomial([-a for a in self.coefficients])(radius)
+        moved, widened = np.zeros((len(x), 2, 6 + count)), np.zeros((len(x), 6 + count))
+        moved[:, :, :2] = -inverse
+        for column, (row, coordinate) in enumerate([(0, x), (0, y), (1, x), (1, y)], start=2 + count):
+            moved[:, :, column] = -coordinate[:, None] * inverse[:, row]
+        # dt = r^(i + 1) / (r^2 + z^2) for a_i at a fixed radius; the radius changes by -dt / (dt/dr) at a fixed angle.
+        powers = radius[:, None] ** np.arange(1, count + 1)
+        widened[:, 2 : 2 + count] = -powers / ((radius * radius + depth * depth) * slope)[:, None]
+        return radial_jacobian(angle, x, y, 1 / slope, moved, widened)

@@ -52,6 +52,21 @@ class Equirectangular(Lens):
         longitude = np.where(inside, 2 * math.pi * (x / self.width - 0.5), np.nan)
         return np.stack(directions_on_sphere(longitude, math.pi * (y / self.height - 0.5)), axis=-1)
 
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats:
+        x, y = pixels.T
+        azimuth, down = 2 * math.pi * (x / self.width - 0.5), math.pi * (y / self.height - 0.5)
+        slopes = np.zeros((len(x), 2, 2))
+        slopes[:, 0, 0], slopes[:, 1, 1] = -2 * math.pi * x / self.width**2, -math.pi * y / self.height**2
+        return jacobian_on_sphere(azimuth, down) @ slopes
+
+
+def jacobian_on_sphere(azimuth: Floats, down: Floats) -> Floats:
+    """Return derivatives of `directions_on_sphere` with respect to both angles, shape ``(..., 3, 2)``."""
+    sin_azimuth, cos_azimuth, sin_down, cos_down = np.sin(azimuth), np.cos(azimuth), np.sin(down), np.cos(down)
+    right = [cos_down * cos_azimuth, np.zeros_like(cos_down * azimuth), -cos_down * sin_azimuth]
+    below = [-sin_down * sin_azimuth, cos_down + 0 * azimuth, -sin_down * cos_azimuth]
+    return np.stack([np.stack(right, axis=-1), np.stack(below, axis=-1)], axis=-1)
+
 
 def directions_on_sphere(azimuth: Floats, down: Floats) -> tuple[Floats, Floats, Floats]:
     """Return unit vectors by their angles to the right of the axis, and below the horizon [rad]."""
@@ -101,3 +116,11 @@ class Cylindrical(Lens):
         return np.stack(
             [axis_distance * np.sin(azimuth), axis_distance * height, axis_distance * np.cos(azimuth)], axis=-1
         )
+
+    def _direction_jacobian(self, pixels: Floats, directions: Floats) -> Floats:
+        azimuth, height = (pixels[:, 0] - self.cx) / self.fx, (pixels[:, 1] - self.cy) / self.fy
+        slopes = np.zeros((len(pixels), 2, 4))
+        slopes[:, 0, 0], slopes[:, 0, 2] = -azimuth / self.fx, -1 / self.fx
+        slopes[:, 1, 1], slopes[:, 1, 3] = -height / self.fy, -1 / self.fy
+        slopes[:, 1] /= (1 + height * height)[:, None]
+        return jacobian_on_sphere(azimuth, np.arctan(height)) @ slopes

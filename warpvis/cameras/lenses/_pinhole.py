@@ -41,6 +41,7 @@ class OpenCVPinhole(BentLens):
 
     _limit: ClassVar[float] = math.pi / 2
     _counts: ClassVar[tuple[int, ...]] = COUNTS
+    _coefficient_names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tx", "ty")
 
     @cached_property
     def all_coefficients(self) -> tuple[float, ...]:
@@ -88,18 +89,34 @@ class OpenCVPinhole(BentLens):
         bent = Bent(*(a + b for a, b in zip(bent, scaled(x, y, gain, slope), strict=True)))
         return _tilted(bent, self._tilt) if tilt_x or tilt_y else bent
 
+    def _bend_slopes(self, x: Floats, y: Floats) -> Floats:
+        *_, tilt_x, tilt_y = c = self.all_coefficients
+        r2 = x * x + y * y
+        denominator = 1 + r2 * (c[5] + r2 * (c[6] + r2 * c[7]))
+        point, gain = np.stack([x, y], axis=1)[:, :, None], self._gain(r2)[0]
+        powers = np.stack([r2, r2**2, r2**3], axis=1) / denominator[:, None]
+        numerator, shifts = point * powers[:, None], decentered_slopes(x, y)
+        parts = [numerator[:, :, :2], shifts[:, :, :2], numerator[:, :, 2:], -gain[:, None, None] * numerator]
+        slopes = np.concatenate([*parts, shifts[:, :, 2:], np.zeros((len(x), 2, 2))], axis=2)
+        if len(self.coefficients) == 14:
+            flat = decentered(x, y, c[2:4], c[8:12])
+            flat = Bent(flat.x + x * gain, flat.y + y * gain, *np.broadcast_arrays(1.0, 0.0, 0.0, 1.0, x)[:4])
+            tilted = _tilted(flat, self._tilt)
+            jacobian = np.stack([tilted.xx, tilted.xy, tilted.yx, tilted.yy], axis=1).reshape(-1, 2, 2)
+            slopes = jacobian @ slopes
+            points = np.stack([flat.x, flat.y, np.ones_like(x)])
+            scale = self._tilt[2] @ points
+            for column, change in enumerate(_tilt_slopes(tilt_x, tilt_y), start=12):
+                shift = change @ points
+                slopes[:, 0, column] = (shift[0] - tilted.x * shift[2]) / scale
+                slopes[:, 1, column] = (shift[1] - tilted.y * shift[2]) / scale
+        return slopes[:, :, : len(self.coefficients)]
+
     @cached_property
     def _tilt(self) -> Floats:
         """The homography of a tilted sensor."""
-        tilt_x, tilt_y = self.all_coefficients[12:]
-        about_x = np.array(
-            [[1, 0, 0], [0, math.cos(tilt_x), math.sin(tilt_x)], [0, -math.sin(tilt_x), math.cos(tilt_x)]]
-        )
-        about_y = np.array(
-            [[math.cos(tilt_y), 0, -math.sin(tilt_y)], [0, 1, 0], [math.sin(tilt_y), 0, math.cos(tilt_y)]]
-        )
-        r = about_y @ about_x
-        return np.array([[r[2, 2], 0, -r[0, 2]], [0, r[2, 2], -r[1, 2]], [0, 0, 1]]) @ r
+        r = _rotation_y(self.all_coefficients[13]) @ _rotation_x(self.all_coefficients[12])
+        return _along_axis(r) @ r
 
 
 def decentered(x: Floats, y: Floats, tangential: tuple[float, ...], prism: tuple[float, ...]) -> Bent:
@@ -116,6 +133,14 @@ def decentered(x: Floats, y: Floats, tangential: tuple[float, ...], prism: tuple
         mixed + 2 * x * slope_y,
         6 * p1 * y + 2 * p2 * x + 2 * y * slope_y,
     )
+
+
+def decentered_slopes(x: Floats, y: Floats) -> Floats:
+    """Return derivatives of `decentered` with respect to ``p1 p2 s1 s2 s3 s4``, shape ``(n, 2, 6)``."""
+    r2, zero = x * x + y * y, np.zeros_like(x)
+    first = np.stack([2 * x * y, r2 + 2 * x * x, r2, r2 * r2, zero, zero], axis=1)
+    second = np.stack([r2 + 2 * y * y, 2 * x * y, zero, zero, r2, r2 * r2], axis=1)
+    return np.stack([first, second], axis=1)
 
 
 def scaled(x: Floats, y: Floats, gain: Floats, slope: Floats) -> Bent:
@@ -143,3 +168,29 @@ def _tilted(bent: Bent, tilt: Floats) -> Bent:
         yx * bent.xx + yy * bent.yx,
         yx * bent.xy + yy * bent.yy,
     )
+
+
+def _rotation_x(angle: float) -> Floats:
+    sine, cosine = math.sin(angle), math.cos(angle)
+    return np.array([[1, 0, 0], [0, cosine, sine], [0, -sine, cosine]])
+
+
+def _rotation_y(angle: float) -> Floats:
+    sine, cosine = math.sin(angle), math.cos(angle)
+    return np.array([[cosine, 0, -sine], [0, 1, 0], [sine, 0, cosine]])
+
+
+def _along_axis(r: Floats, last: float = 1.0) -> Floats:
+    """Return the matrix that projects points of a tilted plane along the axis; it is linear in `r` and `last`."""
+    return np.array([[r[2, 2], 0, -r[0, 2]], [0, r[2, 2], -r[1, 2]], [0, 0, last]])
+
+
+def _tilt_slopes(tilt_x: float, tilt_y: float) -> tuple[Floats, Floats]:
+    """Return derivatives of the homography of a tilted sensor with respect to both angles [1/rad]."""
+    about_x, about_y = _rotation_x(tilt_x), _rotation_y(tilt_y)
+    # The derivative of a rotation is the rotation by 90 degrees more, without its axis.
+    x_slope = _rotation_x(tilt_x + math.pi / 2) * [[0, 0, 0], [0, 1, 1], [0, 1, 1]]
+    y_slope = _rotation_y(tilt_y + math.pi / 2) * [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
+    r = about_y @ about_x
+    changes = about_y @ x_slope, y_slope @ about_x
+    return tuple(_along_axis(dr, 0.0) @ r + _along_axis(r) @ dr for dr in changes)  # type: ignore[return-value]
