@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Renders with gradients for JAX: against `warpvis.render`, and against central differences in float64."""
 
+import gc
+import weakref
 from functools import cache, partial
 
 import numpy as np
@@ -10,6 +12,7 @@ import warp as wp
 
 import warpvis as wv
 from warpvis.core.poses import poses_to_matrices
+from warpvis.rendering import differentiable
 
 from support.gradients import CAMERAS, NAMES, OBJECT_ROWS, ROW, Loss, build_scene, changes_of
 
@@ -340,6 +343,29 @@ def test_renderers_of_a_scene_are_reused(device):
     for _ in range(3):
         wvj.render(scene, PINHOLE, ROW)
     assert len(scene.differentiable) == 1
+
+
+def test_traced_functions_outlive_the_cache(device, monkeypatch):
+    """A scene keeps a limited number of renderers; those that traced functions need are made again."""
+    monkeypatch.setattr(differentiable, "_MAX_CACHED", 2)
+    scene, camera = build_scene(device), wv.Camera.from_fov(8, 6, hfov=0.6)
+    gradient = jax.jit(jax.grad(lambda pose: finite_sum(wvj.render(scene, camera, pose), {"depth": 1.0})))
+    pose = jnp.asarray(ROW, jnp.float32)
+    expected = gradient(pose)
+    for width in range(4, 8):
+        wvj.render(scene, wv.Camera.from_fov(width, 6, hfov=0.6), pose)
+    assert len(scene.differentiable) == 2
+    np.testing.assert_array_equal(gradient(pose), expected)
+
+
+def test_scenes_are_released():
+    """Neither JAX's caches nor those of warpvis keep a scene."""
+    scene = build_scene()
+    wvj.render(scene, PINHOLE, ROW).depth.block_until_ready()
+    known = weakref.ref(scene)
+    del scene
+    gc.collect()
+    assert known() is None
 
 
 BAD = {

@@ -8,7 +8,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any, cast
-from weakref import WeakValueDictionary
+from weakref import WeakValueDictionary, finalize, ref
 
 import numpy as np
 import warp as wp
@@ -136,27 +136,47 @@ _numbers = count(1)
 _numbered: WeakValueDictionary[int, DifferentiableRenderer] = WeakValueDictionary()
 """Renderers by number. Functions of other libraries that are traced take numbers, but no objects."""
 
+_arguments: dict[int, tuple[ref[Scene], ref[AnyCamera], dict[str, Any]]] = {}
+"""What renderers are made from, by number, as long as the camera exists."""
+
 
 def renderer_number(scene: Scene, camera: AnyCamera, **options: Any) -> int:
-    """Return the number of the renderer of a scene, a camera and options; it lives as long as the scene."""
+    """Return the number of the renderer of a scene, a camera and options."""
     require_scene(scene)
     cached: dict[Hashable, tuple[int, DifferentiableRenderer]] = scene.differentiable
-    key = (id(camera), *sorted(options.items()))
+    key = _key(camera, options)
     if key not in cached or cached[key][1].camera is not camera:
-        while len(cached) >= _MAX_CACHED:
-            del cached[next(iter(cached))]
         number = next(_numbers)
-        cached[key] = number, DifferentiableRenderer(scene, camera, **options)
-        _numbered[number] = cached[key][1]
+        _keep(number, DifferentiableRenderer(scene, camera, **options), key)
+        _arguments[number] = ref(scene), ref(camera), options
+        finalize(camera, _arguments.pop, number, None)
     return cached[key][0]
 
 
 def numbered_renderer(number: int) -> DifferentiableRenderer:
-    """Return a renderer by its number."""
-    try:
-        return _numbered[number]
-    except KeyError:
-        raise SceneError("scene must exist as long as functions that were traced with it") from None
+    """Return a renderer by its number; it is made again if its scene has dropped it in favor of newer ones."""
+    renderer = _numbered.get(number)
+    if renderer is None:
+        known = _arguments.get(number)
+        scene, camera = (None, None) if known is None else (known[0](), known[1]())
+        if known is None or scene is None or camera is None:
+            raise SceneError("scene and camera must exist as long as functions that were traced with them")
+        renderer = DifferentiableRenderer(scene, camera, **known[2])
+        _keep(number, renderer, _key(camera, known[2]))
+    return renderer
+
+
+def _key(camera: AnyCamera, options: Mapping[str, Any]) -> Hashable:
+    return id(camera), *sorted(options.items())
+
+
+def _keep(number: int, renderer: DifferentiableRenderer, key: Hashable) -> None:
+    """Let the scene keep a renderer."""
+    cached = renderer.scene.differentiable
+    while len(cached) >= _MAX_CACHED:
+        del cached[next(iter(cached))]
+    cached[key] = number, renderer
+    _numbered[number] = renderer
 
 
 def check_image_names(outputs: object) -> tuple[str, ...]:
