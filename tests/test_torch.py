@@ -12,6 +12,8 @@ import trimesh
 import warpvis as wv
 import warpvis.torch as wt
 from warpvis.core.poses import poses_to_matrices
+from warpvis.torch._cast import cast
+from warpvis.torch._render import _number
 
 from support.gradients import CAMERAS, OBJECT_ROWS, ROW, Loss, build_scene, changes_of
 
@@ -162,13 +164,11 @@ def test_compiled_function_has_one_graph(device):
 def test_operators_pass_torch_checks(device):
     """Schema, fake tensors and autograd registration."""
     scene, camera = build_scene(device), CAMERAS["pinhole"]
-    number = wt._number(scene, camera, (), "auto", None)
+    number = _number(scene, camera, (), "auto", None)
     poses = tensor(ROW[None], device, requires_grad=True)
     objects = tensor(OBJECT_ROWS[None], device, requires_grad=True)
     arguments = (poses, objects, None, [], number, "depth,normals,segmentation")
-    torch.library.opcheck(
-        wt._cast, arguments, test_utils=("test_schema", "test_autograd_registration", "test_faketensor")
-    )
+    torch.library.opcheck(cast, arguments, test_utils=("test_schema", "test_autograd_registration", "test_faketensor"))
 
 
 def test_vmap_renders_worlds(device):

@@ -1,0 +1,209 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""The operator `warpvis::cast`: renders of tensors as an operator of PyTorch, with gradients and batches."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from warpvis.errors import ArrayError
+from warpvis.rendering import differentiable
+from warpvis.rendering.differentiable import WITH_GRADIENT, DifferentiableRenderer, Inputs, numbered_renderer
+
+_DTYPES = {"labels": torch.uint8, "segmentation": torch.int32, "faces": torch.int32}
+
+
+@torch.compiler.assume_constant_result
+def with_needed(number: int, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names of images together with those that gradients need."""
+    return tuple(dict.fromkeys((*names, *numbered_renderer(number).needed_images())))
+
+
+def need_gradients(inputs: Sequence[Any]) -> bool:
+    return torch.is_grad_enabled() and any(isinstance(value, Tensor) and value.requires_grad for value in inputs)
+
+
+def on_stream(device: torch.device) -> AbstractContextManager[Any]:
+    """Let Warp use PyTorch's current stream of a GPU."""
+    return nullcontext() if device.type == "cpu" else wp.ScopedStream(wp.stream_from_torch(device), sync_enter=False)
+
+
+def as_array(tensor: Tensor, dtype: Any) -> wp.array:
+    return wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+
+
+def _as_inputs(
+    rows: Tensor, object_rows: Tensor | None, world_index: Tensor | None, vertices: Sequence[Tensor]
+) -> Inputs:
+    return Inputs(
+        as_array(rows, wp.transform),
+        None if object_rows is None else as_array(object_rows, wp.transform),
+        None if world_index is None else as_array(world_index.to(torch.int32), wp.int32),
+        [as_array(tensor, wp.vec3) for tensor in vertices],
+    )
+
+
+def _empty_images(renderer: DifferentiableRenderer, rows: Tensor, names: Sequence[str]) -> list[Tensor]:
+    shapes = [differentiable.image_shape(name, len(rows), renderer.camera) for name in names]
+    return [
+        torch.empty(shape, dtype=_DTYPES.get(name, torch.float32), device=rows.device)
+        for name, shape in zip(names, shapes, strict=True)
+    ]
+
+
+def _as_images(names: Sequence[str], tensors: Sequence[Tensor]) -> dict[str, wp.array]:
+    return {
+        name: as_array(tensor, differentiable.pixel_type(name)) for name, tensor in zip(names, tensors, strict=True)
+    }
+
+
+@torch.library.custom_op("warpvis::cast", mutates_args=())
+def cast(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    number: int,
+    outputs: str,
+) -> list[Tensor]:
+    """Render the images of these names, separated by commas."""
+    renderer, names = numbered_renderer(number), outputs.split(",")
+    images = _empty_images(renderer, rows, names)
+    with on_stream(rows.device):
+        renderer.render(_as_inputs(rows, object_rows, world_index, vertices), _as_images(names, images))
+    return images
+
+
+@cast.register_fake
+def _(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    number: int,
+    outputs: str,
+) -> list[Tensor]:
+    return _empty_images(numbered_renderer(number), rows, outputs.split(","))
+
+
+@torch.library.custom_op("warpvis::cast_backward", mutates_args=())
+def _cast_backward(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    images: list[Tensor],
+    gradients: list[Tensor],
+    number: int,
+    outputs: str,
+    given: str,
+) -> list[Tensor]:
+    """Return gradients with respect to the rows of cameras and objects, and to vertices.
+
+    `gradients` are those with respect to the images named in `given`.
+    """
+    renderer = numbered_renderer(number)
+    with on_stream(rows.device):
+        inputs = _as_inputs(rows, object_rows, world_index, vertices)
+        shown, given_gradients = _as_images(outputs.split(","), images), _as_images(given.split(","), gradients)
+        of_poses = wp.to_torch(renderer.pose_gradients(inputs, shown, given_gradients))
+        of_vertices = renderer.vertex_gradients(inputs, shown, given_gradients)
+    results = [of_poses[:, 0].clone()]
+    if object_rows is not None:
+        results.append(_add_worlds(of_poses[:, 1:], object_rows, world_index))
+    return [*results, *(wp.to_torch(array).to(torch.float32) for array in of_vertices)]
+
+
+@_cast_backward.register_fake
+def _(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    images: list[Tensor],
+    gradients: list[Tensor],
+    number: int,
+    outputs: str,
+    given: str,
+) -> list[Tensor]:
+    shaped = [rows, *([] if object_rows is None else [object_rows]), *vertices]
+    return [tensor.new_empty(tensor.shape) for tensor in shaped]
+
+
+@cast.register_vmap
+def _(info: Any, in_dims: tuple[Any, ...], *arguments: Any) -> tuple[list[Tensor], list[int]]:
+    *flat, number, outputs = flatten(info, in_dims, arguments)
+    names = tuple(outputs.split(","))
+    rendered = names
+    if need_gradients(flat):  # tensors in vmap do not tell
+        rendered = with_needed(number, names)
+    images = cast(*flat, number, ",".join(rendered))[: len(names)]
+    return [image.unflatten(0, (info.batch_size, -1)) for image in images], [0] * len(images)
+
+
+def _batch_first(tensor: Tensor, dim: int | None, batches: int) -> Tensor:
+    """Return a tensor whose first axis is that of the batch."""
+    return tensor.expand(batches, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
+
+
+def flatten(info: Any, in_dims: tuple[Any, ...], arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the arguments of an operator for the views of all batches, with a world for each."""
+    rows, object_rows, world_index, vertices, *rest = arguments
+    if vertices:
+        raise ArrayError("vertices must be None under torch.vmap, since a scene has one shape at a time")
+    batches = info.batch_size
+    rows = _batch_first(rows, in_dims[0], batches)
+    views = rows.shape[1]
+    if object_rows is None:
+        return rows.flatten(0, 1), None, None, vertices, *rest
+    worlds = object_rows.shape[0] if in_dims[1] is None else object_rows.movedim(in_dims[1], 0).shape[1]
+    if world_index is None:
+        world_index = (
+            torch.arange(views, device=rows.device) if worlds > 1 else rows.new_zeros(views, dtype=torch.int64)
+        )
+        world_index = world_index.expand(batches, views)
+    else:
+        world_index = _batch_first(world_index, in_dims[2], batches)
+    if in_dims[1] is not None:
+        object_rows = object_rows.movedim(in_dims[1], 0).flatten(0, 1)
+        world_index = world_index + worlds * torch.arange(batches, device=rows.device)[:, None]
+    return rows.flatten(0, 1), object_rows, world_index.flatten(), vertices, *rest
+
+
+def _add_worlds(of_views: Tensor, object_rows: Tensor, world_index: Tensor | None) -> Tensor:
+    """Add the gradients ``(V, M, 7)`` of the views of each world."""
+    if world_index is not None:
+        return torch.zeros_like(object_rows).index_add_(0, world_index.long(), of_views)
+    if len(object_rows) == 1:
+        return of_views.sum(dim=0, keepdim=True)
+    return of_views.clone()
+
+
+def _save_for_backward(ctx: Any, inputs: tuple[Any, ...], output: list[Tensor]) -> None:
+    rows, object_rows, world_index, vertices, ctx.number, ctx.outputs = inputs
+    ctx.save_for_backward(rows, object_rows, world_index, *vertices, *output)
+    ctx.vertices = len(vertices)
+
+
+def _backward(ctx: Any, gradients: list[Tensor]) -> tuple[Any, ...]:
+    rows, object_rows, world_index, *rest = ctx.saved_tensors
+    vertices, images = list(rest[: ctx.vertices]), list(rest[ctx.vertices :])
+    given = {
+        name: gradient
+        for name, gradient in zip(ctx.outputs.split(","), gradients, strict=True)
+        if name in WITH_GRADIENT and gradient is not None
+    }
+    results = _cast_backward(
+        rows, object_rows, world_index, vertices, images, list(given.values()), ctx.number, ctx.outputs, ",".join(given)
+    )
+    of_objects = None if object_rows is None else results[1]
+    return results[0], of_objects, None, results[len(results) - ctx.vertices :], None, None
+
+
+cast.register_autograd(_backward, setup_context=_save_for_backward)

@@ -1,0 +1,108 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Renders of tensors with gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from warpvis.cameras.base import AnyCamera
+from warpvis.errors import ArrayError
+from warpvis.rendering import CasterName, differentiable
+from warpvis.rendering.differentiable import numbered_renderer
+from warpvis.scene import Scene
+from warpvis.torch._cast import cast, need_gradients, with_needed
+from warpvis.torch._poses import as_rows
+
+
+class Images(NamedTuple):
+    """Images of V views; those that were not requested are None."""
+
+    depth: Tensor | None = None
+    """Depth [m], ``(V, H, W)``; +inf and -inf where none was measured, as in `warpvis.Views`."""
+    points: Tensor | None = None
+    """Seen points in the world frame [m], ``(V, H, W, 3)``; NaN without depth."""
+    normals: Tensor | None = None
+    """Unit normals of the seen triangles in the world frame, ``(V, H, W, 3)``; NaN without depth."""
+    labels: Tensor | None = None
+    """`Label` values, ``(V, H, W)`` uint8."""
+    segmentation: Tensor | None = None
+    """Indices into the scene's objects, ``(V, H, W)`` int32."""
+    faces: Tensor | None = None
+    """Indices of the seen triangles in the object's mesh, ``(V, H, W)`` int32."""
+
+
+def render(
+    scene: Scene,
+    camera: AnyCamera,
+    poses: Tensor,
+    *,
+    object_poses: Tensor | None = None,
+    world_index: Tensor | None = None,
+    vertices: Mapping[str, Tensor] | None = None,
+    outputs: Sequence[str] = ("depth",),
+    caster: CasterName = "auto",
+    threads: int | None = None,
+) -> Images:
+    """Render images of every pose; gradients flow to all floating-point tensors.
+
+    Images equal those of `warpvis.render`. The render runs on the tensors' current CUDA stream, without copies to the
+    host. It works in `torch.compile`, in a CUDA graph after one call outside, and under `torch.vmap`.
+
+    Args:
+        scene: The scene, on the device of the tensors.
+        camera: Any camera or ray pattern.
+        poses: Camera to world in the camera's axes, float32: rows ``x y z qx qy qz qw``, ``(V, 7)`` or ``(7,)``, with
+            unit quaternions, or matrices, ``(V, 4, 4)`` or ``(4, 4)``. See `apply_twists` for twists.
+        object_poses: Poses of the M movable objects in W worlds, rows ``(W, M, 7)`` or ``(M, 7)``, or matrices
+            ``(W, M, 4, 4)``; by default those with which they were added.
+        world_index: World of each view, ``(V,)`` int32; by default view i shows world i, or the only one.
+        vertices: Vertices of movable objects in their frames [m], ``(n, 3)``, by name. They replace the vertices of the
+            scene, as `Scene.update_vertices` does, also for later renders.
+        outputs: Images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
+            ``"faces"``. The last three are integers, which have no gradients.
+        caster: As for `Renderer`.
+        threads: As for `Renderer`.
+
+    Raises:
+        ArrayError: If a tensor has the wrong shape or dtype or is not on the scene's device.
+        PoseError: If poses are malformed, as for `Renderer.render`.
+    """
+    names = differentiable.check_image_names(outputs)
+    vertices = {} if vertices is None else vertices
+    number = _number(scene, camera, tuple(vertices), caster, threads)
+    rows = as_rows(poses, "poses", ("V",))
+    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    inputs = [rows, object_rows, world_index, *vertices.values()]
+    _check_tensors(number, inputs)
+    rendered = names
+    if need_gradients(inputs):
+        rendered = with_needed(number, names)
+    images = cast(rows, object_rows, world_index, list(vertices.values()), number, ",".join(rendered))
+    return Images(**{name: image for name, image in zip(rendered, images, strict=True) if name in names})
+
+
+# The numbers are constants of a traced function, which is traced again for another scene or camera.
+@torch.compiler.assume_constant_result
+def _number(
+    scene: Scene, camera: AnyCamera, deforming: tuple[str, ...], caster: CasterName, threads: int | None
+) -> int:
+    return differentiable.renderer_number(scene, camera, deforming=deforming, caster=caster, threads=threads)
+
+
+@torch.compiler.assume_constant_result
+def _device_name(number: int) -> str:
+    """Return the device of a renderer's scene in PyTorch's words."""
+    return str(wp.device_to_torch(numbered_renderer(number).scene.device))
+
+
+def _check_tensors(number: int, tensors: Sequence[Tensor | None]) -> None:
+    expected = _device_name(number)
+    for tensor in tensors:
+        if tensor is not None and str(tensor.device) != expected:
+            raise ArrayError(f"tensors must be on the scene's device, {expected}, got one on {tensor.device}")
