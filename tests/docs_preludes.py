@@ -285,7 +285,8 @@ def _learning(folder):
     state = mujoco.MjData(arm)
     mujoco.mj_forward(arm, state)
     mjx = {"mjx_model": types.SimpleNamespace(geom_rgba=arm.geom_rgba), "states": wv.mujoco.WorldPoses.of([state] * 2)}
-    return {"renderer": renderer, "poses": poses, "torch": arrays, "jnp": arrays, "arm": arm, **mjx}
+    given = {"renderer": renderer, "scene": renderer.scene, "camera": camera, "poses": poses}
+    return {**given, "torch": arrays, "jnp": arrays, "arm": arm, **mjx}
 
 
 def _mujoco(folder):
