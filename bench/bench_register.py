@@ -5,8 +5,8 @@
 ``python bench/bench_register.py`` perturbs the true pose of a camera by 5 degrees and 5 cm in random directions, and
 prints, for each method, the median time, the errors after 10 iterations, and the fraction of poses within 1 cm and 1
 degree. Peers are slow: they are measured on the first ``--subset`` hypotheses, and their times are scaled to all.
-``--hypotheses``, ``--scenes`` and ``--sizes`` take lists; ``--device cuda:0`` measures `wv.register` on a GPU, and peers
-on the CPU. Peers register points to 200,000 points on all surfaces, which are not visible ones only.
+``--hypotheses``, ``--scenes`` and ``--sizes`` take lists; ``--device cuda:0`` measures `wv.register` on a GPU, and its
+peers on the CPU. Peers register to `--points` points on all surfaces, visible or not.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--meters", type=float, default=0.05)
     parser.add_argument("--iterations", type=int, default=10)
     parser.add_argument("--distance", type=float, default=0.5, help="of corresponding points [m]")
-    parser.add_argument("--points", type=int, default=200_000, help="that peers register to")
+    parser.add_argument("--points", type=int, default=50_000, help="that peers register to")
     parser.add_argument("--subset", type=int, default=20, help="hypotheses of peers")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--noisy", action="store_true", help="a Kinect's errors of depth")

@@ -139,7 +139,7 @@ def warpvis(problem: Problem, **options: Any) -> Refine:
     return refine
 
 
-def open3d(problem: Problem, points: int = 200_000) -> Refine:
+def open3d(problem: Problem, points: int = 50_000) -> Refine:
     """Return Open3D's point-to-plane ICP of the measured points and points on all surfaces, on all cores."""
     import open3d as o3d
 
@@ -159,7 +159,7 @@ def open3d(problem: Problem, points: int = 200_000) -> Refine:
     return refine
 
 
-def small_gicp(problem: Problem, points: int = 200_000) -> Refine:
+def small_gicp(problem: Problem, points: int = 50_000) -> Refine:
     """Return small_gicp's point-to-plane ICP of the same points, on all cores.
 
     The tree of the target is built once. Its normals are estimated from neighbors, because they cannot be passed.
