@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measure registration on real depth images whose poses are known, by `wv.register` and its peers.
 
-``python bench/register_real.py bop SCENE --models MODEL.ply`` reads a scene folder of a BOP dataset (depth images,
-``scene_gt.json``, ``scene_camera.json``), and refines the pose of the object in every image. ``python
-bench/register_real.py recording FOLDER`` reads a recording with poses: Open3D fuses the odd frames into a mesh, and the
-camera poses of the even ones are refined. True poses are perturbed by 2 degrees and 2 cm, and by 5 degrees and 5 cm.
+``python bench/register_real.py SCENE --models MODEL.ply`` reads a scene folder of a BOP dataset (depth images,
+``scene_gt.json``, ``scene_camera.json``), and refines the pose of the object in every image, from the given pose
+perturbed by 2 degrees and 2 cm, and by 5 degrees and 5 cm. Depth is cut to a box around the object's true pose.
 The tables have median errors relative to the given poses, which have errors themselves; depth residuals, medians of
 absolute differences between measured and rendered depth, tell which poses agree better with the measurement.
 """
@@ -62,39 +61,6 @@ def near_box(
     return np.where(is_inside, depth, np.float32(np.nan))
 
 
-def recording_problems(folder: Path, distance: float, stride: int, cell: float = 0.01) -> Iterator[Problem]:
-    """Yield a problem for each even frame, in the mesh of the odd frames."""
-    import open3d as o3d
-
-    recording, fusion = wv.open_recording(folder), o3d.pipelines.integration
-    camera = recording.camera
-    volume = fusion.ScalableTSDFVolume(cell, 4 * cell, fusion.TSDFVolumeColorType.NoColor)
-    # Open3D's pixel centers are integers.
-    intrinsics = o3d.camera.PinholeCameraIntrinsic(
-        camera.width, camera.height, camera.fx, camera.fy, camera.cx - 0.5, camera.cy - 0.5
-    )
-    frames = [(frame.depth, matrix_of(frame.camera_to_world)) for frame in recording.posed()]
-    black = o3d.geometry.Image(np.zeros((camera.height, camera.width, 3), dtype=np.uint8))
-    for depth, pose in frames[1::2]:
-        image = o3d.geometry.Image(np.nan_to_num(depth))
-        images = o3d.geometry.RGBDImage.create_from_color_and_depth(black, image, 1.0, 5.0, False)
-        volume.integrate(images, intrinsics, np.linalg.inv(pose))
-    mesh = volume.extract_triangle_mesh()
-    scene = wv.Scene()
-    scene.add((np.asarray(mesh.vertices), np.asarray(mesh.triangles)), name="fused")
-    small = wv.Camera(
-        camera.width // 4, camera.height // 4, *(n / 4 for n in (camera.fx, camera.fy, camera.cx, camera.cy)), 0.05, 5.0
-    )
-    for depth, pose in frames[: 2 * stride * len(frames) : 2 * stride]:
-        # The pixel at index 4 i + 2 has its center at 4 i + 2.5, half a pixel from that of pixel i of the small image.
-        yield Problem(scene, small, np.ascontiguousarray(depth[2::4, 2::4]), pose, distance)
-
-
-def matrix_of(pose: NDArray) -> NDArray[np.float64]:
-    """Return a pose as a matrix."""
-    return wv.core.poses.poses_to_matrices(np.asarray(pose, dtype=np.float64)[None])[0]
-
-
 def residual(problem: Problem, pose: NDArray[np.float64]) -> float:
     """Return the median absolute difference of measured and rendered depth [m], of pixels that have both."""
     rendered = wv.render(problem.scene, problem.camera, pose, outputs=("depth",)).depth.numpy()[0]
@@ -115,19 +81,14 @@ def judge(problem: Problem, poses: NDArray[np.float64]) -> tuple[NDArray, NDArra
 def main() -> None:
     """Print a table for each perturbation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kind", choices=["bop", "recording"])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--models", type=Path, help="the mesh of the object, in millimeters")
+    parser.add_argument("--models", type=Path, required=True, help="the mesh of the object, in millimeters")
     parser.add_argument("--starts", type=int, default=20, help="for each image")
     parser.add_argument("--iterations", type=int, default=30)
     parser.add_argument("--distance", type=float, default=0.1)
-    parser.add_argument("--stride", type=int, default=5, help="of the even frames")
     parser.add_argument("--points", type=int, default=200_000)
     arguments = parser.parse_args()
-    if arguments.kind == "bop":
-        problems = list(bop_problems(arguments.folder, arguments.models, arguments.distance))
-    else:
-        problems = list(recording_problems(arguments.folder, arguments.distance, arguments.stride))
+    problems = list(bop_problems(arguments.folder, arguments.models, arguments.distance))
     print(describe(("warpvis", "open3d", "small_gicp")))
     residuals = [residual(problem, problem.truth) for problem in problems]
     print(f"{len(problems)} images, median residual at the given poses: {1e3 * np.median(residuals):.1f} mm")
