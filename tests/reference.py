@@ -73,7 +73,14 @@ from reference_fractions import (  # noqa: F401
     measure_fractions_packets,
     measure_fractions_packets_cuda,
 )
-from reference_gradients import sum_moments, sum_strips, sum_vertex_gradients, write_ray_gradients  # noqa: F401
+from reference_gradients import (  # noqa: F401
+    sum_moments,
+    sum_parameter_gradients,
+    sum_pose_strips,
+    sum_rows,
+    sum_vertex_gradients,
+    write_ray_gradients,
+)
 from reference_heights import climb  # noqa: F401
 from reference_inside import find_inside  # noqa: F401
 from reference_kinect_noise import (  # noqa: F401

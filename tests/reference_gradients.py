@@ -68,7 +68,7 @@ def sum_moments(camera, row, images, gradients, columns, object_rows):
     return sums
 
 
-def sum_strips(sums: NDArray, rows: NDArray) -> NDArray[np.float64]:
+def sum_pose_strips(sums: NDArray, rows: NDArray) -> NDArray[np.float64]:
     """Return gradients with respect to pose rows, by differences of the rotation matrix, shape (1 + M, 7)."""
     result, step = np.zeros((len(sums), 7)), 1e-6
     for index, (total, row) in enumerate(zip(sums, rows, strict=True)):
@@ -105,3 +105,15 @@ def sum_vertex_gradients(camera, row, images, gradients, index, object_row, vert
                 change = np.cross(np.eye(3)[k], e)
                 result[corner, k] += of_normal @ (sign * (change - normal * (normal @ change)) / length)
     return result
+
+
+def sum_parameter_gradients(rays, origins, ray_jacobian, origin_jacobian):
+    """Return gradients with respect to parameters for each row of the image, shape (P, H)."""
+    result = np.einsum("vyxk,pyxk->py", rays.astype(np.float64), ray_jacobian)
+    if origin_jacobian is not None:
+        result = result + np.einsum("vyxk,pyxk->py", origins.astype(np.float64), origin_jacobian)
+    return result
+
+
+def sum_rows(rows):
+    return rows.sum(axis=1)

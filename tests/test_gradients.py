@@ -10,6 +10,7 @@ import reference_gradients as twin
 import warp as wp
 
 import warpvis as wv
+from warpvis.cameras import origin_jacobian, ray_jacobian
 from warpvis.core.poses import parse_poses
 from warpvis.rendering.gradients import DepthGradients
 from warpvis.scene.worlds import parse_worlds, pose_columns
@@ -57,7 +58,7 @@ def test_sums_match_twin(name, device):
     seen = {key: value.astype(np.float64) if value.dtype.kind == "f" else value for key, value in seen.items()}
     given = {key: value[0].reshape(*image, *value.shape[1 + len(shape) :]) for key, value in gradients.items()}
     sums = twin.sum_moments(camera, ROW, seen, given, pose_columns(build_scene()), OBJECT_ROWS)
-    expected = twin.sum_strips(sums, np.concatenate([ROW[None], OBJECT_ROWS]))
+    expected = twin.sum_pose_strips(sums, np.concatenate([ROW[None], OBJECT_ROWS]))
     for got, row in zip(of_poses[0], expected, strict=True):
         assert_close(got, row, 1e-5)
     rays, origins = twin.write_ray_gradients(camera, ROW, seen, given)
@@ -114,6 +115,27 @@ def test_vertex_sums_match_twin(name, device):
         scene.objects[2].faces,
     )
     assert_close(got.numpy(), expected, 1e-5)
+
+
+@pytest.mark.parametrize("name", ["pinhole", "distorted", "panorama", "orthographic"])
+def test_parameter_sums_match_twin(name, device):
+    camera, rng = CAMERAS[name], np.random.default_rng(3)
+    rows = np.repeat(ROW[None], 2, axis=0)
+    scene = build_scene(device)
+    views = wv.render(scene, camera, rows, object_poses=OBJECT_ROWS[None], outputs=IMAGES)
+    images = {key: getattr(views, key) for key in IMAGES}
+    depth = wp.array(rng.normal(size=(2, *camera.shape)), dtype=wp.float32, device=scene.device)
+    poses = parse_poses(rows, convention=camera.axes, axes=camera.axes, device=scene.device)
+    gradients = DepthGradients(scene, camera)
+    rays, origins = gradients.rays(poses, images, {"depth": depth})
+    of_rays, of_origins = (
+        None if jacobian is None else np.moveaxis(jacobian, -1, 0)
+        for jacobian in (ray_jacobian(camera), origin_jacobian(camera))
+    )
+    origins = None if origins is None else origins.numpy()
+    expected = twin.sum_rows(twin.sum_parameter_gradients(rays.numpy(), origins, of_rays, of_origins))
+    got = gradients.parameters(poses, images, {"depth": depth}).numpy()
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-12)
 
 
 def test_missing_images_are_an_error():

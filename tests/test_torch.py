@@ -11,11 +11,12 @@ import trimesh
 
 import warpvis as wv
 import warpvis.torch as wt
+from warpvis.cameras import parameter_values, with_parameters
 from warpvis.core.poses import poses_to_matrices
 from warpvis.torch._cast import cast
 from warpvis.torch._render import _number
 
-from support.gradients import CAMERAS, OBJECT_ROWS, ROW, Loss, build_scene, changes_of
+from support.gradients import CAMERAS, OBJECT_ROWS, ROW, Loss, build_scene, changes_of, flat_rays
 
 NAMES = ("depth", "points", "normals")
 
@@ -59,6 +60,28 @@ def test_gradients_match_central_differences(name, device, stone):
     assert_close(row.grad, expected[:7])
     assert_close(rows.grad, expected[7:21])
     assert_close(vertices.grad.reshape(-1)[:12], expected[21:])
+
+
+@pytest.mark.parametrize("name", [name for name in CAMERAS if name != "lidar"])
+def test_intrinsic_gradients_match_central_differences(name, device):
+    """By casting along the rays of cameras with other parameters, of all kinds of lenses."""
+    scene, camera = build_scene(device), CAMERAS[name]
+    values = parameter_values(camera)
+    changes = []
+    for step in 1e-6 * np.maximum(np.abs(values), 0.1):
+        for sign in (1, -1):
+            changed = values + sign * step * (np.arange(len(values)) == len(changes) // 2)
+            rays, origins, _ = flat_rays(with_parameters(camera, changed))
+            changes.append({"rays": rays} if origins is None else {"rays": rays, "origins": origins})
+    names = ("depth", "points")
+    loss = Loss(build_scene(), camera, changes)
+    steps = 1e-6 * np.maximum(np.abs(values), 0.1)
+    expected = loss.differences(names, step=1.0).sum(axis=1) / steps
+    intrinsics = torch.tensor(values, requires_grad=True)
+    objects = tensor(OBJECT_ROWS, device)
+    images = wt.render(scene, camera, tensor(ROW, device), object_poses=objects, intrinsics=intrinsics, outputs=names)
+    weigh(images, loss, names).backward()
+    np.testing.assert_allclose(intrinsics.grad.numpy() * steps, expected * steps, rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["pinhole", "lidar"])
@@ -167,7 +190,7 @@ def test_operators_pass_torch_checks(device):
     number = _number(scene, camera, (), "auto", None)
     poses = tensor(ROW[None], device, requires_grad=True)
     objects = tensor(OBJECT_ROWS[None], device, requires_grad=True)
-    arguments = (poses, objects, None, [], number, "depth,normals,segmentation")
+    arguments = (poses, objects, None, [], None, number, "depth,normals,segmentation")
     torch.library.opcheck(cast, arguments, test_utils=("test_schema", "test_autograd_registration", "test_faketensor"))
 
 
@@ -243,6 +266,8 @@ def test_scene_is_freed():
         ({"vertices": {"wall": torch.zeros(3, 3)}}, "vertices must be those of movable objects, got 'wall'"),
         ({"vertices": {"stone": torch.zeros(3, 3)}}, "vertices"),
         ({"vertices": {"cup": torch.zeros(3, 3)}}, "cup"),
+        ({"intrinsics": torch.ones(3)}, "intrinsics must be a torch.Tensor of the 4 numbers fx, fy, cx, cy, got"),
+        ({"intrinsics": torch.tensor([-1.0, 1, 1, 1])}, "fx"),
         ({"outputs": ("depth", "colour")}, "outputs must be some of depth, points"),
     ],
 )  # fmt: skip

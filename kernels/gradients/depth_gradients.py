@@ -217,7 +217,7 @@ def row_gradient(sum: mat34d, pose: wp.transform) -> wp.transform:
 
 
 @wp.kernel
-def sum_strips(
+def sum_pose_strips(
     # Scene:
     worlds: Worlds,
     # Cameras:

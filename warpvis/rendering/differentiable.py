@@ -12,7 +12,9 @@ from weakref import WeakValueDictionary, finalize, ref
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
+from warpvis.cameras import with_parameters
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import as_items
 from warpvis.errors import ArrayError, SceneError
@@ -76,6 +78,7 @@ class DifferentiableRenderer:
                 raise SceneError(f"vertices must be those of movable objects, got {name!r}, which is static")
         self._options: dict[str, Any] = {"caster": caster, "threads": threads}
         self._renderers: dict[tuple[str, ...], Renderer] = {}
+        self._changed: tuple[tuple[float, ...], DifferentiableRenderer] | None = None
         self._gradients = DepthGradients(scene, camera, threads=threads)
         self._renderer(("depth",))  # checks the arguments
 
@@ -112,6 +115,20 @@ class DifferentiableRenderer:
             self._gradients.vertices(name, vertices, inputs.poses, worlds, images, gradients)
             for name, vertices in zip(self.deforming, inputs.vertices, strict=True)
         ]
+
+    def parameter_gradients(
+        self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
+    ) -> wp.array:
+        """Return gradients with respect to the camera's parameters, as `DepthGradients.parameters` does."""
+        return self._gradients.parameters(inputs.poses, images, gradients)
+
+    def with_parameters(self, values: NDArray[np.float64]) -> DifferentiableRenderer:
+        """Return the renderer of the camera with other values of its parameters; that of the last values is cached."""
+        key = tuple(values.tolist())
+        if self._changed is None or self._changed[0] != key:
+            camera = with_parameters(self.camera, values)
+            self._changed = key, DifferentiableRenderer(self.scene, camera, deforming=self.deforming, **self._options)
+        return self._changed[1]
 
     def needed_images(self) -> tuple[str, ...]:
         """Return the images of a render that its gradients are computed from."""

@@ -8,8 +8,10 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 import warp as wp
 
+from warpvis.cameras import origin_jacobian, ray_jacobian
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, launch_images
@@ -73,7 +75,7 @@ class DepthGradients:
             Gradients, ``(V, 1 + M)`` transform: of the camera's pose, and of the poses of the M movable objects in the
             world of the view. Views of one world need to be added.
         """
-        from warpvis.kernels.gradients.depth_gradients import mat34d, sum_moments, sum_strips
+        from warpvis.kernels.gradients.depth_gradients import mat34d, sum_moments, sum_pose_strips
 
         self._check_images(images)
         views, height, width = as_image(images["depth"]).shape
@@ -94,7 +96,7 @@ class DepthGradients:
             min_pixels=_MIN_PIXELS,
         )
         result = wp.empty((views, columns), dtype=wp.transform, device=self._scene.device)
-        launch(sum_strips, result.shape, [worlds, camera_to_world, sums, result], self._scene.device)
+        launch(sum_pose_strips, result.shape, [worlds, camera_to_world, sums, result], self._scene.device)
         return result
 
     def rays(self, camera_to_world: wp.array, images: ImagesByName, gradients: ImagesByName) -> RayGradients:
@@ -116,6 +118,30 @@ class DepthGradients:
             threads=self._threads,
         )
         return result
+
+    def parameters(self, camera_to_world: wp.array, images: ImagesByName, gradients: ImagesByName) -> wp.array:
+        """Return gradients with respect to `warpvis.cameras.parameter_values`, ``(P,)`` float64.
+
+        The arguments are those of `poses`.
+        """
+        from warpvis.kernels.gradients.parameter_gradients import sum_parameter_gradients, sum_rows
+
+        rays, origins = self.rays(camera_to_world, images, gradients)
+        of_rays, of_origins = self._jacobians
+        rows = wp.empty(of_rays.shape[:2], dtype=wp.float64, device=self._scene.device)
+        launch(sum_parameter_gradients, rows.shape, [rays, origins, of_rays, of_origins, rows], self._scene.device)
+        result = wp.empty(len(of_rays), dtype=wp.float64, device=self._scene.device)
+        launch(sum_rows, result.shape, [rows, result], self._scene.device)
+        return result
+
+    @cached_property
+    def _jacobians(self) -> tuple[wp.array, wp.array | None]:
+        """Return the derivatives of rays and origins on the scene's device, ``[parameter, y, x]``."""
+        shape, arrays = (self._camera.height, self._camera.width), []
+        for jacobian in (ray_jacobian(self._camera), origin_jacobian(self._camera)):
+            rows = None if jacobian is None else np.moveaxis(jacobian.reshape(*shape, 3, -1), -1, 0)
+            arrays.append(None if rows is None else wp.array(rows, dtype=wp.vec3d, device=self._scene.device))
+        return arrays[0], arrays[1]
 
     def vertices(
         self,

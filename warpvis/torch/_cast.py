@@ -35,7 +35,9 @@ def on_stream(device: torch.device) -> AbstractContextManager[Any]:
 
 
 def as_array(tensor: Tensor, dtype: Any) -> wp.array:
-    return wp.from_torch(tensor.detach().contiguous(), dtype=dtype, requires_grad=False)
+    # Flattening replaces the strides of axes of length 1, which may be anything.
+    rows = tensor.detach().contiguous().flatten().view(tensor.shape)
+    return wp.from_torch(rows, dtype=dtype, requires_grad=False)
 
 
 def _as_inputs(
@@ -63,17 +65,24 @@ def _as_images(names: Sequence[str], tensors: Sequence[Tensor]) -> dict[str, wp.
     }
 
 
+def _renderer(number: int, parameters: Tensor | None) -> DifferentiableRenderer:
+    """Return a renderer, of a camera with the given parameters, which are read on the host."""
+    renderer = numbered_renderer(number)
+    return renderer if parameters is None else renderer.with_parameters(parameters.detach().cpu().double().numpy())
+
+
 @torch.library.custom_op("warpvis::cast", mutates_args=())
 def cast(
     rows: Tensor,
     object_rows: Tensor | None,
     world_index: Tensor | None,
     vertices: list[Tensor],
+    parameters: Tensor | None,
     number: int,
     outputs: str,
 ) -> list[Tensor]:
     """Render the images of these names, separated by commas."""
-    renderer, names = numbered_renderer(number), outputs.split(",")
+    renderer, names = _renderer(number, parameters), outputs.split(",")
     images = _empty_images(renderer, rows, names)
     with on_stream(rows.device):
         renderer.render(_as_inputs(rows, object_rows, world_index, vertices), _as_images(names, images))
@@ -86,6 +95,7 @@ def _(
     object_rows: Tensor | None,
     world_index: Tensor | None,
     vertices: list[Tensor],
+    parameters: Tensor | None,
     number: int,
     outputs: str,
 ) -> list[Tensor]:
@@ -98,6 +108,7 @@ def _cast_backward(
     object_rows: Tensor | None,
     world_index: Tensor | None,
     vertices: list[Tensor],
+    parameters: Tensor | None,
     images: list[Tensor],
     gradients: list[Tensor],
     number: int,
@@ -108,15 +119,20 @@ def _cast_backward(
 
     `gradients` are those with respect to the images named in `given`.
     """
-    renderer = numbered_renderer(number)
+    renderer = _renderer(number, parameters)
     with on_stream(rows.device):
         inputs = _as_inputs(rows, object_rows, world_index, vertices)
         shown, given_gradients = _as_images(outputs.split(","), images), _as_images(given.split(","), gradients)
         of_poses = wp.to_torch(renderer.pose_gradients(inputs, shown, given_gradients))
+        of_parameters = None
+        if parameters is not None:
+            of_parameters = wp.to_torch(renderer.parameter_gradients(inputs, shown, given_gradients))
         of_vertices = renderer.vertex_gradients(inputs, shown, given_gradients)
     results = [of_poses[:, 0].clone()]
     if object_rows is not None:
         results.append(_add_worlds(of_poses[:, 1:], object_rows, world_index))
+    if parameters is not None and of_parameters is not None:
+        results.append(of_parameters.to(parameters))
     return [*results, *(wp.to_torch(array).to(torch.float32) for array in of_vertices)]
 
 
@@ -126,14 +142,15 @@ def _(
     object_rows: Tensor | None,
     world_index: Tensor | None,
     vertices: list[Tensor],
+    parameters: Tensor | None,
     images: list[Tensor],
     gradients: list[Tensor],
     number: int,
     outputs: str,
     given: str,
 ) -> list[Tensor]:
-    shaped = [rows, *([] if object_rows is None else [object_rows]), *vertices]
-    return [tensor.new_empty(tensor.shape) for tensor in shaped]
+    shaped = [rows, object_rows, parameters, *vertices]
+    return [tensor.new_empty(tensor.shape) for tensor in shaped if tensor is not None]
 
 
 @cast.register_vmap
@@ -155,6 +172,8 @@ def _batch_first(tensor: Tensor, dim: int | None, batches: int) -> Tensor:
 def flatten(info: Any, in_dims: tuple[Any, ...], arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the arguments of an operator for the views of all batches, with a world for each."""
     rows, object_rows, world_index, vertices, *rest = arguments
+    if in_dims[4] is not None:
+        raise ArrayError("intrinsics must be the same for all batches of torch.vmap, since they are read on the host")
     if vertices:
         raise ArrayError("vertices must be None under torch.vmap, since a scene has one shape at a time")
     batches = info.batch_size
@@ -186,24 +205,25 @@ def _add_worlds(of_views: Tensor, object_rows: Tensor, world_index: Tensor | Non
 
 
 def _save_for_backward(ctx: Any, inputs: tuple[Any, ...], output: list[Tensor]) -> None:
-    rows, object_rows, world_index, vertices, ctx.number, ctx.outputs = inputs
-    ctx.save_for_backward(rows, object_rows, world_index, *vertices, *output)
+    rows, object_rows, world_index, vertices, parameters, ctx.number, ctx.outputs = inputs
+    ctx.save_for_backward(rows, object_rows, world_index, parameters, *vertices, *output)
     ctx.vertices = len(vertices)
 
 
 def _backward(ctx: Any, gradients: list[Tensor]) -> tuple[Any, ...]:
-    rows, object_rows, world_index, *rest = ctx.saved_tensors
+    rows, object_rows, world_index, parameters, *rest = ctx.saved_tensors
     vertices, images = list(rest[: ctx.vertices]), list(rest[ctx.vertices :])
     given = {
         name: gradient
         for name, gradient in zip(ctx.outputs.split(","), gradients, strict=True)
         if name in WITH_GRADIENT and gradient is not None
     }
-    results = _cast_backward(
-        rows, object_rows, world_index, vertices, images, list(given.values()), ctx.number, ctx.outputs, ",".join(given)
-    )
-    of_objects = None if object_rows is None else results[1]
-    return results[0], of_objects, None, results[len(results) - ctx.vertices :], None, None
+    inputs = rows, object_rows, world_index, vertices, parameters
+    results = iter(_cast_backward(*inputs, images, list(given.values()), ctx.number, ctx.outputs, ",".join(given)))
+    of_rows = next(results)
+    of_objects = None if object_rows is None else next(results)
+    of_parameters = None if parameters is None else next(results)
+    return of_rows, of_objects, None, list(results), of_parameters, None, None
 
 
 cast.register_autograd(_backward, setup_context=_save_for_backward)

@@ -11,6 +11,7 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
 from warpvis.errors import ArrayError
 from warpvis.rendering import CasterName, differentiable
@@ -45,6 +46,7 @@ def render(
     object_poses: Tensor | None = None,
     world_index: Tensor | None = None,
     vertices: Mapping[str, Tensor] | None = None,
+    intrinsics: Tensor | None = None,
     outputs: Sequence[str] = ("depth",),
     caster: CasterName = "auto",
     threads: int | None = None,
@@ -64,6 +66,9 @@ def render(
         world_index: World of each view, ``(V,)`` int32; by default view i shows world i, or the only one.
         vertices: Vertices of movable objects in their frames [m], ``(n, 3)``, by name. They replace the vertices of the
             scene, as `Scene.update_vertices` does, also for later renders.
+        intrinsics: Parameters of the camera, ``(P,)`` float32 or float64, in the order of
+            `warpvis.cameras.parameter_names`: ``fx fy cx cy`` of a pinhole, and coefficients of a lens. They replace
+            the camera's own and are read on the host, so that the call waits for the GPU.
         outputs: Images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
             ``"faces"``. The last three are integers, which have no gradients.
         caster: As for `Renderer`.
@@ -78,12 +83,16 @@ def render(
     number = _number(scene, camera, tuple(vertices), caster, threads)
     rows = as_rows(poses, "poses", ("V",))
     object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    _check_vertices(vertices)
+    _check_intrinsics(number, intrinsics)
     inputs = [rows, object_rows, world_index, *vertices.values()]
     _check_tensors(number, inputs)
+    inputs.append(intrinsics)
     rendered = names
     if need_gradients(inputs):
         rendered = with_needed(number, names)
-    images = cast(rows, object_rows, world_index, list(vertices.values()), number, ",".join(rendered))
+    tensors = rows, object_rows, world_index, list(vertices.values()), intrinsics
+    images = cast(*tensors, number, ",".join(rendered))
     return Images(**{name: image for name, image in zip(rendered, images, strict=True) if name in names})
 
 
@@ -106,3 +115,26 @@ def _check_tensors(number: int, tensors: Sequence[Tensor | None]) -> None:
     for tensor in tensors:
         if tensor is not None and str(tensor.device) != expected:
             raise ArrayError(f"tensors must be on the scene's device, {expected}, got one on {tensor.device}")
+
+
+def _check_vertices(vertices: Mapping[str, Tensor]) -> None:
+    for name, tensor in vertices.items():
+        if not isinstance(tensor, Tensor) or tensor.dtype != torch.float32 or tensor.shape[1:] != (3,):
+            got = f"{tensor.dtype} of shape {tuple(tensor.shape)}" if isinstance(tensor, Tensor) else type(tensor)
+            raise ArrayError(f"vertices of {name!r} must be a float32 torch.Tensor of shape (n, 3), got {got}")
+
+
+def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
+    if intrinsics is None:
+        return
+    names = _parameter_names(number)
+    if not names:
+        raise ArrayError("intrinsics must be None for a camera without parameters, such as a list of rays")
+    if not isinstance(intrinsics, Tensor) or not intrinsics.is_floating_point() or intrinsics.shape != (len(names),):
+        got = tuple(intrinsics.shape) if isinstance(intrinsics, Tensor) else type(intrinsics).__name__
+        raise ArrayError(f"intrinsics must be a torch.Tensor of the {len(names)} numbers {', '.join(names)}, got {got}")
+
+
+@torch.compiler.assume_constant_result
+def _parameter_names(number: int) -> tuple[str, ...]:
+    return parameter_names(numbered_renderer(number).camera)
