@@ -27,6 +27,9 @@ wp.config.log_level = wp.LOG_WARNING
 if "WARPVIS_CPU_FLAGS" in os.environ:  # "-target-cpu haswell" for AVX2 alone, "" for Warp's generic target
     wp.config.cpu_compiler_flags = os.environ["WARPVIS_CPU_FLAGS"]
 
+# JAX would reserve most of the GPU's memory in each process of the tests.
+os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+
 CUDA_DEVICES = ("cuda:0",) if wp.is_cuda_available() else ()
 """The tested GPU, if any."""
 
