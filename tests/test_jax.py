@@ -11,10 +11,11 @@ import pytest
 import warp as wp
 
 import warpvis as wv
+from warpvis.cameras import parameter_values, with_parameters
 from warpvis.core.poses import poses_to_matrices
 from warpvis.rendering import differentiable
 
-from support.gradients import CAMERAS, NAMES, OBJECT_ROWS, ROW, Loss, build_scene, changes_of
+from support.gradients import CAMERAS, NAMES, OBJECT_ROWS, ROW, Loss, build_scene, changes_of, flat_rays
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -134,6 +135,45 @@ def test_vertex_gradients_match_central_differences(device):
 
     expected = loss.differences().sum(axis=1)
     assert_close(gradient(jnp.asarray(base, jnp.float32)).reshape(-1), expected)
+
+
+@pytest.mark.parametrize("name", ["pinhole", "distorted", "fisheye", "panorama", "orthographic"])
+def test_intrinsic_gradients_match_central_differences(name, device):
+    scene, camera, changes = scene_on(device), CAMERAS[name], []
+    values = parameter_values(camera)
+    steps = 1e-6 * np.maximum(np.abs(values), 0.1)
+    for step in steps[:, None] * np.eye(len(values)):
+        for changed in (values + step, values - step):
+            rays, origins, _ = flat_rays(with_parameters(camera, changed))
+            changes.append({"rays": rays} if origins is None else {"rays": rays, "origins": origins})
+    names = ("depth", "points")
+    loss = Loss(build_scene(), camera, changes)
+    weights = loss.image_gradients(names)
+
+    @jax.jit
+    @jax.grad
+    def gradient(intrinsics):
+        images = wvj.render(scene, camera, ROW, object_poses=OBJECT_ROWS, intrinsics=intrinsics, outputs=names)
+        return weighted(images, weights)
+
+    expected = loss.differences(names, step=1.0).sum(axis=1)
+    assert_close(gradient(jnp.asarray(values, jnp.float32)) * steps, expected)
+
+
+def test_vmap_over_intrinsics(device):
+    """Cameras of a batch are rendered one after the other."""
+    scene = scene_on(device)
+    values = jnp.asarray(parameter_values(PINHOLE) * np.array([[1.0], [1.1]]), jnp.float32)
+
+    def loss(pose, intrinsics):
+        return finite_sum(wvj.render(scene, PINHOLE, pose, intrinsics=intrinsics), {"depth": 1.0})
+
+    function = jax.value_and_grad(loss, argnums=(0, 1))
+    pose = jnp.asarray(ROW, jnp.float32)
+    got = jax.vmap(function, in_axes=(None, 0))(pose, values)
+    for k in range(2):
+        for one, expected in zip(jax.tree.leaves(got), jax.tree.leaves(function(pose, values[k])), strict=True):
+            assert_close(one[k], expected, 1e-5)
 
 
 def random_weights(shape, names=NAMES):
@@ -382,6 +422,7 @@ BAD = {
     "index-dtype": ({"world_index": np.zeros(1, np.float32)}, "world_index must be int32"),
     "vertices": ({"vertices": {"box": np.zeros((3, 3), np.float32)}}, r"vertices\['box'\] must have shape \(8, 3\)"),
     "static": ({"vertices": {"wall": np.zeros((3, 3), np.float32)}}, "vertices must be those of movable objects"),
+    "intrinsics": ({"intrinsics": np.ones(3, np.float32)}, "intrinsics must be the 4 numbers fx, fy, cx, cy, got"),
     "outputs": ({"outputs": ("color",)}, "outputs must be some of depth"),
 }
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.custom_batching import custom_vmap
 
-from warpvis.jax._foreign import Arrays, call_cast, call_pose_gradients, call_vertex_gradients
+from warpvis.jax._foreign import Arrays, call_cast, call_parameter_gradients, call_pose_gradients, call_vertex_gradients
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -29,7 +29,7 @@ def cast(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, Array
 
     @one.def_vmap
     def batch(size: int, batched: list[Arrays], arrays: Arrays) -> tuple[dict[str, Array], dict[str, bool]]:
-        if any(batched[0].vertices):
+        if any(batched[0].vertices) or batched[0].intrinsics:
             images = _map_members(partial(cast, number, names), batched, [arrays])
         else:
             images = cast(number, names, _join_members(size, batched[0], arrays))
@@ -52,6 +52,8 @@ def pose_gradients(number: int, arrays: Arrays, images: dict[str, Array], gradie
         def join(is_batched: bool, array: Array) -> Array:
             return _with_members(size, is_batched, array).reshape(-1, *array.shape[1 + is_batched :])
 
+        if batched[0].intrinsics:
+            return _map_members(partial(pose_gradients, number), batched, [arrays, *rest]), True
         joined = _join_members(size, batched[0], arrays)
         result = pose_gradients(number, joined, *jax.tree.map(join, batched[1:], list(rest)))
         return result.reshape(size, -1, *result.shape[1:]), True
@@ -77,6 +79,21 @@ def vertex_gradients(
     return one(arrays, images, gradients)
 
 
+@partial(jax.jit, static_argnums=0)
+def parameter_gradients(number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]) -> Array:
+    """Return gradients with respect to the camera's parameters, ``(P,)``."""
+
+    @custom_vmap
+    def one(*args: Any) -> Array:
+        return call_parameter_gradients(number, *args)
+
+    @one.def_vmap
+    def batch(size: int, batched: Any, *args: Any) -> tuple[Array, bool]:
+        return _map_members(partial(parameter_gradients, number), batched, list(args)), True
+
+    return one(arrays, images, gradients)
+
+
 def _with_members(size: int, is_batched: bool, array: Array) -> Array:
     """Return an array with a leading axis of a batch."""
     return array if is_batched else jnp.broadcast_to(array, (size, *array.shape))
@@ -97,7 +114,7 @@ def _join_members(size: int, batched: Arrays, arrays: Arrays) -> Arrays:
             index = index + worlds * jnp.arange(size, dtype=jnp.int32)[:, None]
     elif index is not None:
         index = _with_members(size, bool(batched.world_index), index)
-    return Arrays(poses.reshape(-1, 7), objects, None if index is None else index.reshape(-1), arrays.vertices)
+    return Arrays(poses.reshape(-1, 7), objects, None if index is None else index.reshape(-1), *arrays[3:])
 
 
 def _map_members(function: Callable[..., Any], batched: list[Any], args: list[Any]) -> Any:

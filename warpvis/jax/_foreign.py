@@ -10,11 +10,18 @@ from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any, NamedTuple
 
+import numpy as np
 import warp as wp
 from jax import Array
 
 from warpvis.rendering import differentiable
-from warpvis.rendering.differentiable import WITH_GRADIENT, WITHOUT_GRADIENT, Inputs, numbered_renderer
+from warpvis.rendering.differentiable import (
+    WITH_GRADIENT,
+    WITHOUT_GRADIENT,
+    DifferentiableRenderer,
+    Inputs,
+    numbered_renderer,
+)
 
 _Spec = tuple[tuple[str, Any, int], ...]
 """Names, dtypes and numbers of axes of arrays."""
@@ -30,6 +37,7 @@ class Arrays(NamedTuple):
     object_poses: Array | None
     world_index: Array | None
     vertices: tuple[Array, ...]
+    intrinsics: Array | None = None
 
 
 def call_cast(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, Array]:
@@ -56,6 +64,15 @@ def call_vertex_gradients(
     shapes = {f"of_vertices_{k}": (len(vertices),) for k, vertices in enumerate(arrays.vertices)}
     outputs = tuple((name, wp.vec3, 1) for name in shapes)
     return tuple(_call(_write_vertex_gradients, number, inputs, outputs, shapes))
+
+
+def call_parameter_gradients(
+    number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
+) -> Array:
+    """Return gradients with respect to the camera's parameters, ``(P,)``."""
+    inputs = _gradient_inputs(number, arrays, images, gradients)
+    outputs, shapes = (("of_intrinsics", wp.float32, 1),), {"of_intrinsics": inputs[1]["intrinsics"].shape}
+    return _call(_write_parameter_gradients, number, inputs, outputs, shapes)[0]
 
 
 def _call(
@@ -87,12 +104,18 @@ def _gradient_inputs(
 def _named(arrays: Arrays) -> dict[str, Array]:
     """Return the arrays that are given, by name."""
     named = {"poses": arrays.poses, "object_poses": arrays.object_poses, "world_index": arrays.world_index}
+    named["intrinsics"] = arrays.intrinsics
     named = {name: array for name, array in named.items() if array is not None}
     return {**named, **{f"vertices_{k}": vertices for k, vertices in enumerate(arrays.vertices)}}
 
 
 def _input_spec(arrays: Arrays) -> _Spec:
-    types = {"poses": (wp.transform, 1), "object_poses": (wp.transform, 2), "world_index": (wp.int32, 1)}
+    types = {
+        "poses": (wp.transform, 1),
+        "object_poses": (wp.transform, 2),
+        "world_index": (wp.int32, 1),
+        "intrinsics": (wp.float32, 1),
+    }
     return tuple((name, *types.get(name, (wp.vec3, 1))) for name in _named(arrays))
 
 
@@ -148,15 +171,26 @@ def _split(arrays: Mapping[str, wp.array]) -> tuple[Inputs, dict[str, wp.array],
     return _as_inputs(arrays), images, gradients
 
 
+def _renderer(number: int, arrays: Mapping[str, wp.array]) -> DifferentiableRenderer:
+    """Return a renderer, of a camera with the given parameters, which are read on the host."""
+    renderer, intrinsics = numbered_renderer(number), arrays.get("intrinsics")
+    return renderer if intrinsics is None else renderer.with_parameters(intrinsics.numpy().astype(np.float64))
+
+
 def _write_images(number: int, arrays: dict[str, wp.array]) -> None:
     inputs, images, _ = _split(arrays)
-    numbered_renderer(number).render(inputs, images)
+    _renderer(number, arrays).render(inputs, images)
 
 
 def _write_pose_gradients(number: int, arrays: dict[str, wp.array]) -> None:
-    wp.copy(arrays["of_poses"], numbered_renderer(number).pose_gradients(*_split(arrays)))
+    wp.copy(arrays["of_poses"], _renderer(number, arrays).pose_gradients(*_split(arrays)))
 
 
 def _write_vertex_gradients(number: int, arrays: dict[str, wp.array]) -> None:
-    for k, result in enumerate(numbered_renderer(number).vertex_gradients(*_split(arrays))):
+    for k, result in enumerate(_renderer(number, arrays).vertex_gradients(*_split(arrays))):
         wp.utils.array_cast(result, arrays[f"of_vertices_{k}"])
+
+
+def _write_parameter_gradients(number: int, arrays: dict[str, wp.array]) -> None:
+    result = _renderer(number, arrays).parameter_gradients(*_split(arrays))
+    wp.utils.array_cast(result, arrays["of_intrinsics"])

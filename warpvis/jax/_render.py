@@ -15,10 +15,11 @@ import warp as wp
 from jax import Array
 from jax.typing import ArrayLike
 
+from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.poses import host_poses
 from warpvis.errors import ArrayError, PoseError
-from warpvis.jax._batches import cast, pose_gradients, vertex_gradients
+from warpvis.jax._batches import cast, parameter_gradients, pose_gradients, vertex_gradients
 from warpvis.jax._foreign import Arrays
 from warpvis.jax._poses import matrices_to_rows
 from warpvis.rendering import CasterName, differentiable
@@ -52,6 +53,7 @@ def render(
     object_poses: ArrayLike | None = None,
     world_index: ArrayLike | None = None,
     vertices: Mapping[str, ArrayLike] | None = None,
+    intrinsics: ArrayLike | None = None,
     outputs: Sequence[str] = ("depth",),
     caster: CasterName = "auto",
     threads: int | None = None,
@@ -73,6 +75,9 @@ def render(
         world_index: World of each view, ``(V,)`` int32; by default view i shows world i, or the only one.
         vertices: Vertices of movable objects in their frames [m], ``(n, 3)``, by name. They replace the vertices of the
             scene, as `Scene.update_vertices` does, also for later renders.
+        intrinsics: Parameters of the camera, ``(P,)``, in the order of `warpvis.cameras.parameter_names`: ``fx fy cx
+            cy`` of a pinhole, and coefficients of a lens. They replace the camera's own and are read on the host, so
+            that the render waits for the GPU.
         outputs: Images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
             ``"faces"``. The last three are integers, which have no gradients.
         caster: As for `Renderer`.
@@ -92,6 +97,7 @@ def render(
         None if object_poses is None else _as_object_rows(object_poses, scene),
         None if world_index is None else _as_array(world_index, "world_index", jnp.int32, scene),
         tuple(_as_array(value, f"vertices[{name!r}]", jnp.float32, scene) for name, value in vertices.items()),
+        None if intrinsics is None else _as_array(intrinsics, "intrinsics", jnp.float32, scene),
     )
     _check(scene, camera, arrays, tuple(vertices))
     return Images(**_render(number, names, arrays))
@@ -160,6 +166,14 @@ def _check(scene: Scene, camera: AnyCamera, arrays: Arrays, deforming: Sequence[
         expected = scene.objects[scene.index(name)].vertices.shape
         if vertices.shape != expected:
             raise ArrayError(f"vertices[{name!r}] must have shape {expected}, got {vertices.shape}")
+    if arrays.intrinsics is not None:
+        names = parameter_names(camera)
+        if not names:
+            raise ArrayError("intrinsics must be None for a camera without parameters, such as a list of rays")
+        if arrays.intrinsics.shape != (len(names),):
+            raise ArrayError(
+                f"intrinsics must be the {len(names)} numbers {', '.join(names)}, got shape {arrays.intrinsics.shape}"
+            )
     if scene.device.is_cpu:
         known = jax.tree.map(lambda array: None if isinstance(array, jax.core.Tracer) else np.asarray(array), arrays)
         if known.poses is not None:
@@ -195,7 +209,10 @@ def _backward(
     if arrays.object_poses is not None:
         of_objects = _add_worlds(of_poses[:, 1:], arrays.object_poses, arrays.world_index)
     of_vertices = vertex_gradients(number, arrays, images, given) if arrays.vertices else ()
-    return (Arrays(of_poses[:, 0], of_objects, None, of_vertices),)
+    of_intrinsics = None
+    if arrays.intrinsics is not None:
+        of_intrinsics = parameter_gradients(number, arrays._replace(vertices=()), images, given)
+    return (Arrays(of_poses[:, 0], of_objects, None, of_vertices, of_intrinsics),)
 
 
 _render.defvjp(_forward, _backward)
