@@ -21,7 +21,7 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering._choices import CasterName, Output
 from warpvis.rendering._renderer import Renderer
 from warpvis.rendering._views import as_views, pixel_type
-from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients
+from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients, Zeros
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
 
@@ -60,6 +60,7 @@ class DifferentiableRenderer:
         deforming: Sequence[str] = (),
         caster: CasterName = "auto",
         threads: int | None = None,
+        zeros: Zeros | None = None,
     ) -> None:
         """Set up the renderer.
 
@@ -69,6 +70,7 @@ class DifferentiableRenderer:
             deforming: Names of movable objects whose vertices are inputs.
             caster: As for `Renderer`.
             threads: As for `Renderer`.
+            zeros: Allocates the arrays of gradients, as for `DepthGradients`.
         """
         require_scene(scene)
         self.scene, self.camera = scene, camera
@@ -78,8 +80,9 @@ class DifferentiableRenderer:
                 raise SceneError(f"vertices must be those of movable objects, got {name!r}, which is static")
         self._options: dict[str, Any] = {"caster": caster, "threads": threads}
         self._renderers: dict[tuple[str, ...], Renderer] = {}
+        self._zeros = zeros
         self._changed: tuple[tuple[float, ...], DifferentiableRenderer] | None = None
-        self._gradients = DepthGradients(scene, camera, threads=threads)
+        self._gradients = DepthGradients(scene, camera, threads=threads, zeros=zeros)
         self._renderer(("depth",))  # checks the arguments
 
     def render(self, inputs: Inputs, images: Mapping[str, wp.array]) -> None:
@@ -127,7 +130,12 @@ class DifferentiableRenderer:
         key = tuple(values.tolist())
         if self._changed is None or self._changed[0] != key:
             camera = with_parameters(self.camera, values)
-            self._changed = key, DifferentiableRenderer(self.scene, camera, deforming=self.deforming, **self._options)
+            self._changed = (
+                key,
+                DifferentiableRenderer(
+                    self.scene, camera, deforming=self.deforming, zeros=self._zeros, **self._options
+                ),
+            )
         return self._changed[1]
 
     def needed_images(self) -> tuple[str, ...]:

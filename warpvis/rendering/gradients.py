@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -39,6 +39,10 @@ _MIN_PIXELS = 256
 """Smallest part of a launch for a CPU thread, in columns of strips."""
 
 
+Zeros = Callable[[tuple[int, ...], Any, wp.Device], wp.array]
+"""Allocates an array of a shape and a Warp type on a device, filled with zeros."""
+
+
 class RayGradients(NamedTuple):
     """Gradients with respect to each pixel's ray, in the camera frame."""
 
@@ -54,9 +58,19 @@ class DepthGradients:
     Silhouettes do not contribute: gradients are those of the seen surfaces. Nothing is cast again.
     """
 
-    def __init__(self, scene: Scene, camera: AnyCamera, *, threads: int | None = None) -> None:
-        """Set up for a scene and a camera; `threads` as for `Renderer`."""
+    def __init__(
+        self, scene: Scene, camera: AnyCamera, *, threads: int | None = None, zeros: Zeros | None = None
+    ) -> None:
+        """Set up for a scene and a camera.
+
+        Args:
+            scene: The scene.
+            camera: The camera.
+            threads: As for `Renderer`.
+            zeros: Allocates arrays of a shape and a Warp type, filled with zeros, on a device. By default, Warp does.
+        """
         self._scene, self._camera = scene, camera
+        self._allocate = _zeros if zeros is None else zeros
         self._threads = check_threads(threads)
         self._cached: dict[str | None, tuple[object, wp.array]] = {}
 
@@ -84,7 +98,7 @@ class DepthGradients:
         if views * -(-height // strip_rows) * columns > _MAX_SUMS:
             strip_rows = height
         strips, span = -(-height // strip_rows), width if self._scene.device.is_cpu else 1
-        sums = wp.zeros((views, strips, columns), dtype=mat34d, device=self._scene.device)
+        sums = self._zeros((views, strips, columns), mat34d)
         inputs = [_images(images), _gradients(gradients), strip_rows, span, sums]
         launch_images(
             sum_moments,
@@ -95,7 +109,7 @@ class DepthGradients:
             span=span,
             min_pixels=_MIN_PIXELS,
         )
-        result = wp.empty((views, columns), dtype=wp.transform, device=self._scene.device)
+        result = self._zeros((views, columns), wp.transform)
         launch(sum_pose_strips, result.shape, [worlds, camera_to_world, sums, result], self._scene.device)
         return result
 
@@ -106,8 +120,8 @@ class DepthGradients:
         self._check_images(images, ("depth", "normals"))
         shape = as_image(images["depth"]).shape
         result = RayGradients(
-            wp.empty(shape, dtype=wp.vec3, device=self._scene.device),
-            None if self._table.origins is None else wp.empty(shape, dtype=wp.vec3, device=self._scene.device),
+            self._zeros(shape, wp.vec3),
+            None if self._table.origins is None else self._zeros(shape, wp.vec3),
         )
         inputs = [_images(images), _gradients(gradients), *result]
         launch_images(
@@ -128,9 +142,9 @@ class DepthGradients:
 
         rays, origins = self.rays(camera_to_world, images, gradients)
         of_rays, of_origins = self._jacobians
-        rows = wp.empty(of_rays.shape[:2], dtype=wp.float64, device=self._scene.device)
+        rows = self._zeros(of_rays.shape[:2], wp.float64)
         launch(sum_parameter_gradients, rows.shape, [rays, origins, of_rays, of_origins, rows], self._scene.device)
-        result = wp.empty(len(of_rays), dtype=wp.float64, device=self._scene.device)
+        result = self._zeros((len(of_rays),), wp.float64)
         launch(sum_rows, result.shape, [rows, result], self._scene.device)
         return result
 
@@ -171,7 +185,7 @@ class DepthGradients:
         deforming.vertices = vertices
         faces = self._scene.objects[index].faces
         deforming.faces = self._on_device(name, faces, lambda: wp.array(faces, dtype=wp.int32, device=device))
-        result = wp.zeros(len(vertices), dtype=wp.vec3d, device=device)
+        result = self._zeros((len(vertices),), wp.vec3d)
         inputs = [_images(images), _gradients(gradients), result]
         launch_images(
             sum_vertex_gradients,
@@ -181,6 +195,9 @@ class DepthGradients:
             threads=1,  # several would add to the same vertices at once
         )
         return result
+
+    def _zeros(self, shape: tuple[int, ...], dtype: Any) -> wp.array:
+        return self._allocate(shape, dtype, self._scene.device)
 
     def _check_images(self, images: ImagesByName, needed: Sequence[str] | None = None) -> None:
         """Raise an `ArrayError` if an image is missing."""
@@ -219,6 +236,10 @@ class DepthGradients:
         if name not in self._cached or self._cached[name][0] is not source:
             self._cached[name] = source, make()
         return self._cached[name][1]
+
+
+def _zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
+    return wp.zeros(shape, dtype=dtype, device=device)
 
 
 def _images(images: ImagesByName) -> Images:

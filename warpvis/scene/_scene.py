@@ -87,6 +87,7 @@ class Scene:
         self.cached_rays: dict[Hashable, OnceCache] = {}
         # Renderers with gradients, by their cameras and options; see `warpvis.rendering.differentiable`.
         self.differentiable: dict[Hashable, Any] = {}
+        self.numbers_of_renderers: dict[Hashable, str] = {}
         self._lock = Lock()
         self._device_lights: tuple[tuple[Light, ...], Lights] | None = None
         self._skies: dict[bool, tuple[tuple[Background | None, ...], DeviceSkies]] = {}

@@ -40,6 +40,17 @@ def as_array(tensor: Tensor, dtype: Any) -> wp.array:
     return wp.from_torch(rows, dtype=dtype, requires_grad=False)
 
 
+def zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
+    """Allocate an array of Warp from PyTorch's memory.
+
+    PyTorch frees it in the order of its current stream, also while it captures a CUDA graph; Warp frees on the default
+    stream, which a capture forbids.
+    """
+    inner, scalar = getattr(dtype, "_shape_", ()), getattr(dtype, "_wp_scalar_type_", dtype)
+    place = wp.device_to_torch(device)
+    return wp.from_torch(torch.zeros((*shape, *inner), dtype=wp.dtype_to_torch(scalar), device=place), dtype=dtype)
+
+
 def _as_inputs(
     rows: Tensor, object_rows: Tensor | None, world_index: Tensor | None, vertices: Sequence[Tensor]
 ) -> Inputs:

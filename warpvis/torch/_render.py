@@ -17,7 +17,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import CasterName, differentiable
 from warpvis.rendering.differentiable import numbered_renderer
 from warpvis.scene import Scene
-from warpvis.torch._cast import cast, need_gradients, with_needed
+from warpvis.torch._cast import cast, need_gradients, with_needed, zeros
 from warpvis.torch._poses import as_rows
 
 
@@ -54,7 +54,8 @@ def render(
     """Render images of every pose; gradients flow to all floating-point tensors.
 
     Images equal those of `warpvis.render`. The render runs on the tensors' current CUDA stream, without copies to the
-    host. It works in `torch.compile`, in a CUDA graph after one call outside, and under `torch.vmap`.
+    host. It works in `torch.compile` (before PyTorch 2.13, after one call outside), in a CUDA graph after one call
+    outside, and under `torch.vmap`.
 
     Args:
         scene: The scene, on the device of the tensors.
@@ -96,12 +97,30 @@ def render(
     return Images(**{name: image for name, image in zip(rendered, images, strict=True) if name in names})
 
 
-# The numbers are constants of a traced function, which is traced again for another scene or camera.
-@torch.compiler.assume_constant_result
 def _number(
     scene: Scene, camera: AnyCamera, deforming: tuple[str, ...], caster: CasterName, threads: int | None
 ) -> int:
-    return differentiable.renderer_number(scene, camera, deforming=deforming, caster=caster, threads=threads)
+    """Return the number of a renderer, which is a constant of traced functions.
+
+    They are traced again for another scene or camera. Before version 2.13, PyTorch cannot call a function of objects
+    while it traces, but it can look up what a call before has made.
+    """
+    if not _TRACES_OBJECTS and torch.compiler.is_compiling():
+        return int(scene.numbers_of_renderers[id(camera), deforming, caster, threads])
+    return _make_number(scene, camera, deforming, caster, threads)
+
+
+_TRACES_OBJECTS = tuple(int(part) for part in torch.__version__.split(".")[:2]) >= (2, 13)
+
+
+@torch.compiler.assume_constant_result
+def _make_number(
+    scene: Scene, camera: AnyCamera, deforming: tuple[str, ...], caster: CasterName, threads: int | None
+) -> int:
+    options = {"deforming": deforming, "caster": caster, "threads": threads}
+    number = differentiable.renderer_number(scene, camera, **options, zeros=zeros)
+    scene.numbers_of_renderers[id(camera), deforming, caster, threads] = str(number)  # a number would become a symbol
+    return number
 
 
 @torch.compiler.assume_constant_result
