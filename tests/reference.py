@@ -159,6 +159,14 @@ from reference_random import draw_normals, draw_uniforms  # noqa: F401
 from reference_rangefinders import read_rangefinder_rows, read_rangefinders  # noqa: F401
 from reference_ray_table import cast_ray_table
 from reference_redwood import measure_redwood  # noqa: F401
+from reference_registration import (  # noqa: F401
+    add_strips,
+    spread_object_poses,
+    step_poses,
+    sum_terms,
+    sum_terms_rows,
+    write_results,
+)
 from reference_shading import (  # noqa: F401
     find_planes,
     shade_base_colors,

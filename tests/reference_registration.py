@@ -31,7 +31,7 @@ def at_edge(depth: NDArray[np.float64], max_jump: float) -> NDArray[np.bool_]:
     return edge
 
 
-def sum_strips(
+def sum_terms(
     camera: AnyCamera,
     pose: NDArray[np.float64],
     rendered: NDArray,
@@ -80,6 +80,21 @@ def sum_strips(
     return matrix, jacobian.T @ (weights * residual[inlier]), float(cost), int(inlier.sum()), int(valid.sum())
 
 
+sum_terms_rows = sum_terms
+
+
+def add_strips(strips: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sums of views from those of their strips, ``(V, strips, sums)``."""
+    return strips.sum(axis=1)
+
+
+def spread_object_poses(poses: NDArray[np.float32], world: NDArray[np.int32] | None, count: int) -> NDArray[np.float32]:
+    """Return the object poses of every view, ``(count, M, 7)``, from those of worlds."""
+    if len(poses) == 1:
+        return np.repeat(poses, count, axis=0)
+    return poses[np.arange(count) if world is None else world]
+
+
 def step_poses(
     pose: NDArray[np.float64], matrix: NDArray[np.float64], side: NDArray[np.float64], damping: float = 1e-4
 ) -> NDArray[np.float64]:
@@ -88,3 +103,10 @@ def step_poses(
     step = np.linalg.solve(matrix + damping * np.diag(scale), -side)
     turned = Rotation.from_rotvec(step[:3]) * Rotation.from_quat(pose[3:])
     return np.concatenate([pose[:3] + step[3:], turned.as_quat()])
+
+
+def write_results(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariance of an information matrix, inf if it is singular."""
+    if np.linalg.matrix_rank(matrix, hermitian=True) < len(matrix):
+        return np.full(matrix.shape, np.inf)
+    return np.linalg.inv(matrix)

@@ -33,13 +33,12 @@ class Weighting:
 
 @wp.struct
 class Strips:
-    """How pixels of a view are distributed to strips, each of which one thread adds up."""
+    """How pixels of a view are distributed to strips, each of which one CPU thread or one warp adds up."""
 
     width: int  # image width [px]
     pixels: int  # pixels of a view
     size: int  # largest number of pixels of a strip
-    strip_step: int  # distance of the first pixels of adjacent strips [px]
-    pixel_step: int  # distance of the pixels of a strip [px]
+    lanes: int  # threads of a strip: 32 on CUDA, a warp; 1 on a CPU
 
 
 @wp.struct
@@ -58,7 +57,8 @@ class Rendered:
 class Term:
     """What a pixel adds to the sums."""
 
-    jacobian: wp.spatial_vectord  # derivative of the residual
+    moment: wp.vec3d  # derivative of the residual with respect to rotation
+    normal: wp.vec3d  # and translation
     residual: wp.float64  # measured minus rendered depth, in standard deviations
     weight: wp.float64  # of the square of the residual; 0 for pixels that are no inliers
     cost: wp.float64
@@ -123,21 +123,44 @@ def term_of(
     scaled = normal / (along * sigma)
     if weighting.column >= 0:
         scaled = -scaled
-    moment = wp.cross(offset + wp.float64(measured) * ray, scaled)
-    term.jacobian = wp.spatial_vectord(moment[0], moment[1], moment[2], scaled[0], scaled[1], scaled[2])
+    term.moment = wp.cross(offset + wp.float64(measured) * ray, scaled)
+    term.normal = scaled
     term.residual = residual
     term.weight = wp.min(ONE, weighting.huber / wp.max(wp.abs(residual), weighting.huber))
     return term
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+for (int other = 16; other; other >>= 1) value += __shfl_xor_sync(0xffffffffu, value, other);
+#endif
+return value;
+""")
+def add_lanes(value: wp.float64) -> wp.float64:
+    """Return the sum of the numbers of a warp, the same bits in all of its threads; on a CPU, the number."""
+    ...
+
+
+@wp.func
+def write_sum(value: wp.float64, lane: int, slot: int, strip: int, column: int, strips_out: wp.array3d[wp.float64]):
+    """Write a sum from the first thread of a strip."""
+    if lane == 0:
+        strips_out[slot, strip, column] = value
+
+
+@wp.func
+def column_of(table: wp.array2d[wp.float64], pixel: int) -> wp.vec3d:
+    return wp.vec3d(table[0, pixel], table[1, pixel], table[2, pixel])
+
+
 @wp.kernel
-def sum_strips(
+def sum_terms(
     # Scene:
     object_columns: wp.array[int],
     # Cameras:
     camera_to_world: wp.array[wp.transform],
-    rays_in: wp.array[wp.vec3d],
-    origins_in: wp.array[wp.vec3d],
+    rays_in: wp.array2d[wp.float64],
+    origins_in: wp.array2d[wp.float64],
     # In:
     window: Window,
     weighting: Weighting,
@@ -155,7 +178,7 @@ def sum_strips(
     pixels of the moving object, or of all surfaces if the camera moves. The cost is of all measured pixels, and
     saturates at `max_distance`, so that costs of different poses are comparable.
     """
-    slot, strip, _ = wp.tid()
+    slot, strip, lane = wp.tid()
     slot, strip = locate(window, slot, strip)
 
     pose = camera_to_world[slot]
@@ -165,20 +188,17 @@ def sum_strips(
         base = pose_origin(pose) - pose_origin(object_poses[slot, weighting.column])
     image = wp.min(rendered.views[slot], measured_in.shape[0] - 1)
 
-    h0, h1, h2 = wp.spatial_vectord(), wp.spatial_vectord(), wp.spatial_vectord()
-    h3, h4, h5 = wp.spatial_vectord(), wp.spatial_vectord(), wp.spatial_vectord()
-    b = wp.spatial_vectord()
+    rotations, mixed, translations = wp.mat33d(), wp.mat33d(), wp.mat33d()
+    b_rotation, b_translation = wp.vec3d(), wp.vec3d()
     cost = wp.float64(0.0)
     inliers = int(0)
     measurements = int(0)
-    for i in range(strips.size):
-        pixel = strip * strips.strip_step + i * strips.pixel_step
-        if pixel >= strips.pixels:
-            break
+    first = strip * strips.size
+    for pixel in range(first + lane, wp.min(first + strips.size, strips.pixels), strips.lanes):
         measured = measured_in[image, pixel]
         if not has_depth(measured, weighting.criteria.near, weighting.criteria.far):
             continue
-        ray = rays_in[pixel]
+        ray = column_of(rays_in, pixel)
         if not ray[0] == ray[0]:
             continue
         measurements += 1
@@ -190,7 +210,7 @@ def sum_strips(
         ray = rotation * ray
         offset = base
         if origins_in:
-            offset += rotation * origins_in[pixel]
+            offset += rotation * column_of(origins_in, pixel)
         term = term_of(weighting, sigmas, measured, depth, wp.vec3d(rendered.normals[slot, pixel]), ray, offset)
         cost += term.cost
         if term.weight == wp.float64(0.0):
@@ -202,43 +222,46 @@ def sum_strips(
             if at_edge(strips, rendered, slot, pixel, weighting.max_jump):
                 continue
         inliers += 1
-        j = term.jacobian
-        weighted = term.weight * j
-        h0 += j[0] * weighted
-        h1 += j[1] * weighted
-        h2 += j[2] * weighted
-        h3 += j[3] * weighted
-        h4 += j[4] * weighted
-        h5 += j[5] * weighted
-        b += term.residual * weighted
+        moment, normal = term.weight * term.moment, term.weight * term.normal
+        rotations += wp.outer(moment, term.moment)
+        mixed += wp.outer(moment, term.normal)
+        translations += wp.outer(normal, term.normal)
+        b_rotation += term.residual * moment
+        b_translation += term.residual * normal
 
-    for k in range(6):
-        strips_out[slot, strip, k] = h0[k]
-        strips_out[slot, strip, 6 + k] = h1[k]
-        strips_out[slot, strip, 12 + k] = h2[k]
-        strips_out[slot, strip, 18 + k] = h3[k]
-        strips_out[slot, strip, 24 + k] = h4[k]
-        strips_out[slot, strip, 30 + k] = h5[k]
-        strips_out[slot, strip, 36 + k] = b[k]
-    strips_out[slot, strip, 42] = cost
-    strips_out[slot, strip, 43] = wp.float64(inliers)
-    strips_out[slot, strip, 44] = wp.float64(measurements)
+    for i in range(3):
+        for k in range(3):
+            write_sum(add_lanes(rotations[i, k]), lane, slot, strip, 6 * i + k, strips_out)
+            write_sum(add_lanes(mixed[i, k]), lane, slot, strip, 6 * i + 3 + k, strips_out)
+            write_sum(add_lanes(mixed[k, i]), lane, slot, strip, 18 + 6 * i + k, strips_out)
+            write_sum(add_lanes(translations[i, k]), lane, slot, strip, 21 + 6 * i + k, strips_out)
+        write_sum(add_lanes(b_rotation[i]), lane, slot, strip, 36 + i, strips_out)
+        write_sum(add_lanes(b_translation[i]), lane, slot, strip, 39 + i, strips_out)
+    write_sum(add_lanes(cost), lane, slot, strip, 42, strips_out)
+    write_sum(add_lanes(wp.float64(inliers)), lane, slot, strip, 43, strips_out)
+    write_sum(add_lanes(wp.float64(measurements)), lane, slot, strip, 44, strips_out)
 
 
 @wp.kernel
 def add_strips(
     # In:
     views: wp.array[int],
+    lanes: int,
     strips_in: wp.array3d[wp.float64],
     # Out:
     sums_out: wp.array2d[wp.float64],
 ):
-    """Add the sums of the strips of each slot in their order, and write them to the row of the slot's view."""
-    slot, k = wp.tid()
+    """Add the sums of the strips of each slot in a fixed order, and write them to the row of the slot's view.
+
+    `lanes` threads add a sum: (slot, sum, lane).
+    """
+    slot, k, lane = wp.tid()
     total = wp.float64(0.0)
-    for strip in range(strips_in.shape[1]):
+    for strip in range(lane, strips_in.shape[1], lanes):
         total += strips_in[slot, strip, k]
-    sums_out[views[slot], k] = total
+    total = add_lanes(total)
+    if lane == 0:
+        sums_out[views[slot], k] = total
 
 
 @wp.kernel

@@ -12,7 +12,7 @@ RUNNING = wp.constant(0)
 CONVERGED = wp.constant(1)
 STOPPED = wp.constant(2)
 
-# Columns of sums: see `kernels.gradients.normal_equations.sum_strips`.
+# Columns of sums: see `kernels.gradients.normal_equations.sum_terms`.
 SIDE = wp.constant(36)
 COST = wp.constant(42)
 INLIERS = wp.constant(43)
@@ -32,6 +32,10 @@ COST_TOLERANCE = wp.constant(wp.float64(0.01))
 
 # Squared length of a step, in standard deviations of the pose, that is not significant.
 INSIGNIFICANT = wp.constant(wp.float64(1e-2))
+
+# Squared length of steps that end iterations if they are not shorter than the step before: pixels at silhouettes change
+# sides, and move the pose to and fro.
+REPEATED = wp.constant(wp.float64(1.0))
 
 # Squared length of steps that are accepted at any cost: pixels that change sides would reject them by chance.
 SHORT = wp.constant(wp.float64(100.0))
@@ -185,9 +189,10 @@ def step_poses(
     rotation = wp.vec3d(step[0], step[1], step[2])
     translation = wp.vec3d(step[3], step[4], step[5])
     length = wp.dot(step, matrix * step)
+    is_repeated = not is_first and length <= REPEATED and length >= state_out.lengths[view]
     state_out.lengths[view] = length
     largest = wp.max(wp.length(rotation), wp.length(translation))
-    is_small = largest <= limits.tolerance or length <= INSIGNIFICANT
+    is_small = largest <= limits.tolerance or length <= INSIGNIFICANT or is_repeated
     scale = wp.min(
         ONE,
         wp.min(

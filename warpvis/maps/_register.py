@@ -30,8 +30,8 @@ from warpvis.scene import Scene, require_scene
 from warpvis.scene.joints import JointValues
 from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
 
-# Pixels that one thread adds up. CPU threads read adjacent pixels; neighboring GPU threads do.
-_CPU_STRIP, _GPU_STRIP = 4096, 128
+# Pixels that one thread of a CPU or one warp of 32 threads adds up.
+_CPU_STRIP, _GPU_STRIP, _WARP = 2048, 512, 32
 
 # Size of the rendered images of one block of views [bytes].
 _CPU_BLOCK, _GPU_BLOCK = 1 << 26, 1 << 30
@@ -137,7 +137,7 @@ def register(
             at edges.
         iterations: Maximum number of steps.
         tolerance: Step at which iterations end [rad] and [m]. They also end if a step is below 0.1 standard
-            deviations.
+            deviations, or below one and not shorter than the step before.
         convention: Axes of the camera frame of the poses; by default those of the camera.
         quaternion: Order of the quaternions in all poses of the call, ``"xyzw"`` or ``"wxyz"``. Results are xyzw.
         threads: Number of CPU threads; all cores by default. Results do not depend on it.
@@ -170,7 +170,7 @@ def register(
     iterations = check_whole(iterations, "iterations")
     if iterations > _MAX_ITERATIONS:
         raise ArrayError(f"iterations must be from 1 to {_MAX_ITERATIONS}, got {iterations}")
-    sigmas = wp.array(tabulate_sigma(sigma, camera), dtype=wp.float32, device=device)  # type: ignore[arg-type]
+    sigmas = wp.array(_sigmas(sigma, camera), dtype=wp.float32, device=device)
     if len(images) not in (1, count) or len(poses) not in (1, count) or 0 in (len(images), len(poses)):
         raise ArrayError(
             f"depth and camera_to_world must be of one view or of {count} views, got {len(images)} and {len(poses)}"
@@ -284,7 +284,8 @@ class _Solver:
     ) -> None:
         """Render some views at their current poses, and write their sums."""
         from warpvis.kernels.casting.worlds import Worlds
-        from warpvis.kernels.gradients.normal_equations import Rendered, add_strips, sum_strips
+        from warpvis.kernels.gradients.normal_equations import Rendered, add_strips, sum_terms
+        from warpvis.kernels.gradients.normal_rows import sum_terms_rows
 
         if self.weighting.column < 0:
             poses = moved.reshape((len(poses),))
@@ -306,14 +307,15 @@ class _Solver:
         scene = [self.columns, cameras, self.rays, self.origins]
         inputs = [self.weighting, self.strips, self.sigmas, shown.object_poses, rendered, self.depth, strips]
         launch_images(
-            sum_strips,
-            (count, self.num_strips, 1),
+            sum_terms_rows if self.device.is_cpu else sum_terms,
+            (count, self.num_strips, self.strips.lanes),
             lambda window: [*scene, window, *inputs],
             device=self.device,
             threads=self.threads,
             min_pixels=1,
         )
-        launch(add_strips, (count, _NUM_SUMS), [rendered.views, strips, sums], self.device)
+        lanes = self.strips.lanes
+        launch(add_strips, (count, _NUM_SUMS, lanes), [rendered.views, lanes, strips, sums], self.device)
 
 
 def _results(moved: wp.array, state: Any, column: int, axes: Convention, device: wp.Device) -> Registration:
@@ -377,6 +379,12 @@ def _read_depth(depth: ArrayInput, camera: AnyCamera, device: wp.Device) -> wp.a
     return images.reshape((len(images), math.prod(camera.shape)))
 
 
+def _sigmas(sigma: Sigma, camera: AnyCamera) -> NDArray[np.float32]:
+    """Return standard deviations as for `sigma_at`: two are enough if they are constant."""
+    table = tabulate_sigma(sigma, camera)  # type: ignore[arg-type]
+    return table[:2] if (table == table[0]).all() else table
+
+
 def _without_range(camera: AnyCamera) -> AnyCamera:
     """Return a camera whose depth is finite at any distance of the surface."""
     if isinstance(camera, Rays):
@@ -385,9 +393,9 @@ def _without_range(camera: AnyCamera) -> AnyCamera:
 
 
 def _table(vectors: NDArray[np.float64], camera: AnyCamera, device: wp.Device) -> wp.array:
-    """Return vectors of all pixels in the OpenCV frame, shape ``(pixels,)`` vec3d."""
+    """Return vectors of all pixels in the OpenCV frame, shape ``(3, pixels)`` float64."""
     rows = vectors_in_axes(vectors.reshape(-1, 3), camera.axes, "opencv")
-    return wp.array(np.ascontiguousarray(rows), dtype=wp.vec3d, device=device)
+    return wp.array(np.ascontiguousarray(rows.T), dtype=wp.float64, device=device)
 
 
 def _strips(camera: AnyCamera, device: wp.Device) -> Any:
@@ -396,9 +404,7 @@ def _strips(camera: AnyCamera, device: wp.Device) -> Any:
 
     strips = Strips()
     strips.width, strips.pixels = camera.width, math.prod(camera.shape)
-    strips.size = min(_CPU_STRIP if device.is_cpu else _GPU_STRIP, strips.pixels)
-    count = -(-strips.pixels // strips.size)
-    strips.strip_step, strips.pixel_step = (strips.size, 1) if device.is_cpu else (1, count)
+    strips.size, strips.lanes = (_CPU_STRIP, 1) if device.is_cpu else (_GPU_STRIP, _WARP)
     return strips
 
 
