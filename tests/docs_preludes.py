@@ -13,6 +13,7 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
+from warpvis.scene.materials import Appearance
 from warpvis.scenes import EXPERIMENTS
 
 from support.bop_scene import write_identity
@@ -287,6 +288,17 @@ def _learning(folder):
     mjx = {"mjx_model": types.SimpleNamespace(geom_rgba=arm.geom_rgba), "states": wv.mujoco.WorldPoses.of([state] * 2)}
     given = {"renderer": renderer, "scene": renderer.scene, "camera": camera, "poses": poses}
     return {**given, "torch": arrays, "jnp": arrays, "arm": arm, **mjx}
+
+
+def _gradients(folder):
+    import torch
+
+    scene, camera = _room(), wv.Camera.from_fov(64, 48, hfov=1.0, far=10)
+    corners, coordinates = [(4, -1, 0), (4, 1, 0), (4, 1, 2), (4, -1, 2)], np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
+    scene.add((corners, [(0, 1, 2), (0, 2, 3)]), name="poster", appearance=Appearance(uv=coordinates))
+    camera_to_world = _poses(2)
+    pictures = torch.from_dlpack(wv.render(scene, camera, camera_to_world, outputs="albedo").albedo) / 255
+    return {"scene": scene, "camera": camera, "camera_to_world": camera_to_world, "pictures": pictures}
 
 
 def _mujoco(folder):

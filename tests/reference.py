@@ -60,6 +60,7 @@ from reference_classify import (  # noqa: F401
 )
 from reference_clearance import find_free_poses, nearest_surface  # noqa: F401
 from reference_coinciding import show_later, show_later_rows  # noqa: F401
+from reference_color_gradients import interpolate_colors, sum_color_gradients  # noqa: F401
 from reference_comparison import compare_depth  # noqa: F401
 from reference_corruptions import corrupt_depth, place_rectangles  # noqa: F401
 from reference_echoes import gather_returns, measure_incidence, reflect_rays  # noqa: F401

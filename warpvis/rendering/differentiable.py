@@ -21,6 +21,7 @@ from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering._choices import CasterName, Output
 from warpvis.rendering._renderer import Renderer
 from warpvis.rendering._views import as_views, pixel_type
+from warpvis.rendering.color_gradients import ColorGradients
 from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients, Zeros
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
@@ -83,6 +84,7 @@ class DifferentiableRenderer:
         self._zeros = zeros
         self._changed: tuple[tuple[float, ...], DifferentiableRenderer] | None = None
         self._gradients = DepthGradients(scene, camera, threads=threads, zeros=zeros)
+        self._colors = ColorGradients(scene, threads=threads, zeros=zeros)
         self._renderer(("depth",))  # checks the arguments
 
     def render(self, inputs: Inputs, images: Mapping[str, wp.array]) -> None:
@@ -138,10 +140,49 @@ class DifferentiableRenderer:
             )
         return self._changed[1]
 
+    def check_colors(self, shapes: Mapping[int, tuple[int, ...]]) -> None:
+        """Check the shapes of given colors by index of the object, as `ColorGradients.check_shape` does."""
+        for index, shape in shapes.items():
+            self._colors.check_shape(index, shape)
+
+    def interpolate_colors(
+        self,
+        inputs: Inputs,
+        colors: Mapping[int, wp.array],
+        images: Mapping[str, wp.array],
+        out: wp.array,
+    ) -> None:
+        """Write the colors of pixels that see objects, as `ColorGradients.interpolate` does.
+
+        `colors` are by index of the object; `out` has the colors of other pixels.
+        """
+        worlds = self._worlds(inputs)
+        for index, given in colors.items():
+            self._colors.interpolate(index, given, worlds, images, out, vertices=self._vertices_of(inputs, index))
+
+    def color_gradients(
+        self,
+        inputs: Inputs,
+        shapes: Mapping[int, tuple[int, ...]],
+        images: Mapping[str, wp.array],
+        of_colors: wp.array,
+    ) -> list[wp.array]:
+        """Return gradients with respect to colors of these shapes, by object, as `ColorGradients.gradients` does."""
+        worlds = self._worlds(inputs)
+        return [
+            self._colors.gradients(index, shape, worlds, images, of_colors, vertices=self._vertices_of(inputs, index))
+            for index, shape in shapes.items()
+        ]
+
     def needed_images(self) -> tuple[str, ...]:
         """Return the images of a render that its gradients are computed from."""
         names = NEEDED_IMAGES if self.scene.movable else NEEDED_IMAGES[:2]
         return (*names, "faces") if self.deforming else names
+
+    def _vertices_of(self, inputs: Inputs, index: int) -> wp.array | None:
+        """Return the vertices of an object if they are inputs."""
+        name = self.scene.objects[index].name
+        return inputs.vertices[self.deforming.index(name)] if name in self.deforming else None
 
     def _worlds(self, inputs: Inputs) -> Worlds:
         return parse_worlds(self.scene, len(inputs.poses), inputs.object_poses, inputs.world_index, None)
@@ -204,10 +245,10 @@ def _keep(number: int, renderer: DifferentiableRenderer, key: Hashable) -> None:
     _numbered[number] = renderer
 
 
-def check_image_names(outputs: object) -> tuple[str, ...]:
-    """Return the names of requested images, without duplicates."""
+def check_image_names(outputs: object, *others: str) -> tuple[str, ...]:
+    """Return the names of requested images, without duplicates; `others` are valid, too."""
     names = as_items(outputs, "outputs")
-    known = (*WITH_GRADIENT, *WITHOUT_GRADIENT)
+    known = (*WITH_GRADIENT, *WITHOUT_GRADIENT, *others)
     unknown = [str(name) for name in names if name not in known]
     if unknown or not names:
         raise ArrayError(f"outputs must be some of {', '.join(known)}, got {', '.join(unknown) or 'none'}")
@@ -216,7 +257,7 @@ def check_image_names(outputs: object) -> tuple[str, ...]:
 
 def image_shape(name: str, views: int, camera: AnyCamera) -> tuple[int, ...]:
     """Return the shape of an image of all views, with its components."""
-    return (views, *camera.shape, *([3] if pixel_type(name) is wp.vec3 else []))
+    return (views, *camera.shape, *([3] if pixel_type(name) in (wp.vec3, wp.vec3ub) else []))
 
 
 def image_dtype(name: str) -> np.dtype:

@@ -16,7 +16,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering import differentiable
 from warpvis.rendering.differentiable import WITH_GRADIENT, DifferentiableRenderer, Inputs, numbered_renderer
 
-_DTYPES = {"labels": torch.uint8, "segmentation": torch.int32, "faces": torch.int32}
+_DTYPES = {"labels": torch.uint8, "albedo": torch.uint8, "segmentation": torch.int32, "faces": torch.int32}
 
 
 @torch.compiler.assume_constant_result
@@ -51,7 +51,7 @@ def zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
     return wp.from_torch(torch.zeros((*shape, *inner), dtype=wp.dtype_to_torch(scalar), device=place), dtype=dtype)
 
 
-def _as_inputs(
+def as_inputs(
     rows: Tensor, object_rows: Tensor | None, world_index: Tensor | None, vertices: Sequence[Tensor]
 ) -> Inputs:
     return Inputs(
@@ -70,7 +70,7 @@ def _empty_images(renderer: DifferentiableRenderer, rows: Tensor, names: Sequenc
     ]
 
 
-def _as_images(names: Sequence[str], tensors: Sequence[Tensor]) -> dict[str, wp.array]:
+def as_images(names: Sequence[str], tensors: Sequence[Tensor]) -> dict[str, wp.array]:
     return {
         name: as_array(tensor, differentiable.pixel_type(name)) for name, tensor in zip(names, tensors, strict=True)
     }
@@ -96,7 +96,7 @@ def cast(
     renderer, names = _renderer(number, parameters), outputs.split(",")
     images = _empty_images(renderer, rows, names)
     with on_stream(rows.device):
-        renderer.render(_as_inputs(rows, object_rows, world_index, vertices), _as_images(names, images))
+        renderer.render(as_inputs(rows, object_rows, world_index, vertices), as_images(names, images))
     return images
 
 
@@ -132,8 +132,8 @@ def _cast_backward(
     """
     renderer = _renderer(number, parameters)
     with on_stream(rows.device):
-        inputs = _as_inputs(rows, object_rows, world_index, vertices)
-        shown, given_gradients = _as_images(outputs.split(","), images), _as_images(given.split(","), gradients)
+        inputs = as_inputs(rows, object_rows, world_index, vertices)
+        shown, given_gradients = as_images(outputs.split(","), images), as_images(given.split(","), gradients)
         of_poses = wp.to_torch(renderer.pose_gradients(inputs, shown, given_gradients))
         of_parameters = None
         if parameters is not None:
@@ -175,7 +175,7 @@ def _(info: Any, in_dims: tuple[Any, ...], *arguments: Any) -> tuple[list[Tensor
     return [image.unflatten(0, (info.batch_size, -1)) for image in images], [0] * len(images)
 
 
-def _batch_first(tensor: Tensor, dim: int | None, batches: int) -> Tensor:
+def batch_first(tensor: Tensor, dim: int | None, batches: int) -> Tensor:
     """Return a tensor whose first axis is that of the batch."""
     return tensor.expand(batches, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
 
@@ -188,7 +188,7 @@ def flatten(info: Any, in_dims: tuple[Any, ...], arguments: tuple[Any, ...]) -> 
     if vertices:
         raise ArrayError("vertices must be None under torch.vmap, since a scene has one shape at a time")
     batches = info.batch_size
-    rows = _batch_first(rows, in_dims[0], batches)
+    rows = batch_first(rows, in_dims[0], batches)
     views = rows.shape[1]
     if object_rows is None:
         return rows.flatten(0, 1), None, None, vertices, *rest
@@ -199,7 +199,7 @@ def flatten(info: Any, in_dims: tuple[Any, ...], arguments: tuple[Any, ...]) -> 
         )
         world_index = world_index.expand(batches, views)
     else:
-        world_index = _batch_first(world_index, in_dims[2], batches)
+        world_index = batch_first(world_index, in_dims[2], batches)
     if in_dims[1] is not None:
         object_rows = object_rows.movedim(in_dims[1], 0).flatten(0, 1)
         world_index = world_index + worlds * torch.arange(batches, device=rows.device)[:, None]

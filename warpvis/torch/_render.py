@@ -15,9 +15,11 @@ from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
 from warpvis.errors import ArrayError
 from warpvis.rendering import CasterName, differentiable
+from warpvis.rendering.color_gradients import COLOR_IMAGES
 from warpvis.rendering.differentiable import numbered_renderer
 from warpvis.scene import Scene
 from warpvis.torch._cast import cast, need_gradients, with_needed, zeros
+from warpvis.torch._colors import interpolate
 from warpvis.torch._poses import as_rows
 
 
@@ -36,6 +38,9 @@ class Images(NamedTuple):
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
     faces: Tensor | None = None
     """Indices of the seen triangles in the object's mesh, ``(V, H, W)`` int32."""
+    color: Tensor | None = None
+    """Base colors without lighting in sRGB, from 0 to 1, ``(V, H, W, 3)`` float32; the background where nothing is
+    seen."""
 
 
 def render(
@@ -47,6 +52,7 @@ def render(
     world_index: Tensor | None = None,
     vertices: Mapping[str, Tensor] | None = None,
     intrinsics: Tensor | None = None,
+    colors: Mapping[str, Tensor] | None = None,
     outputs: Sequence[str] = ("depth",),
     caster: CasterName = "auto",
     threads: int | None = None,
@@ -70,31 +76,46 @@ def render(
         intrinsics: Parameters of the camera, ``(P,)`` float32 or float64, in the order of
             `warpvis.cameras.parameter_names`: ``fx fy cx cy`` of a pinhole, and coefficients of a lens. They replace
             the camera's own and are read on the host, so that the call waits for the GPU.
+        colors: Colors of meshes by name, float32 and in sRGB from 0 to 1: of the vertices, ``(n, 3)``, or a texture at
+            the texture coordinates of the object's appearance, ``(h, w, 3)``, the top row first. In the image
+            ``"color"``, they replace the object's appearance; they are interpolated as they are, and not clipped.
         outputs: Images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
-            ``"faces"``. The last three are integers, which have no gradients.
+            ``"faces"``, ``"color"``. Labels, segmentation and faces are integers, which have no gradients; the gradient
+            of ``"color"`` flows to `colors` only, and not to poses and vertices.
         caster: As for `Renderer`.
         threads: As for `Renderer`.
 
     Raises:
         ArrayError: If a tensor has the wrong shape or dtype or is not on the scene's device.
         PoseError: If poses are malformed, as for `Renderer.render`.
+        SceneError: If an object of `colors` is a solid, or has no texture coordinates for a texture.
     """
-    names = differentiable.check_image_names(outputs)
+    names = differentiable.check_image_names(outputs, "color")
     vertices = {} if vertices is None else vertices
+    colors = {} if colors is None else colors
     number = _number(scene, camera, tuple(vertices), caster, threads)
     rows = as_rows(poses, "poses", ("V",))
     object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
     _check_vertices(vertices)
     _check_intrinsics(number, intrinsics)
     inputs = [rows, object_rows, world_index, *vertices.values()]
-    _check_tensors(number, inputs)
+    _check_colors(colors, names)
+    _check_tensors(number, [*inputs, *colors.values()])
     inputs.append(intrinsics)
-    rendered = names
+    rendered = tuple(name for name in names if name != "color")
+    if "color" in names:
+        rendered = tuple(dict.fromkeys((*rendered, *COLOR_IMAGES)))
     if need_gradients(inputs):
-        rendered = with_needed(number, names)
+        rendered = with_needed(number, rendered)
     tensors = rows, object_rows, world_index, list(vertices.values()), intrinsics
     images = cast(*tensors, number, ",".join(rendered))
-    return Images(**{name: image for name, image in zip(rendered, images, strict=True) if name in names})
+    found = dict(zip(rendered, images, strict=True))
+    if "color" in names:
+        seen = [found[name].detach() for name in COLOR_IMAGES]
+        indices = list(_indices(number, tuple(colors)))
+        moved = [None if value is None else value.detach() for value in inputs[:-1]]
+        found["color"] = interpolate(*moved[:3], moved[3:], seen, list(colors.values()), indices, number)
+    return Images(**{name: found[name] for name in names})
 
 
 def _number(
@@ -157,3 +178,21 @@ def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
 @torch.compiler.assume_constant_result
 def _parameter_names(number: int) -> tuple[str, ...]:
     return parameter_names(numbered_renderer(number).camera)
+
+
+def _check_colors(colors: Mapping[str, Tensor], names: tuple[str, ...]) -> None:
+    if not isinstance(colors, Mapping):
+        raise ArrayError(f"colors must be tensors by name of the object, got {type(colors).__name__}")
+    if colors and "color" not in names:
+        raise ArrayError(f"outputs must contain color if colors are given, got {', '.join(names)}")
+    for name, tensor in colors.items():
+        if not isinstance(tensor, Tensor):
+            raise ArrayError(f"colors[{name!r}] must be a torch.Tensor, got {type(tensor).__name__}")
+        if tensor.dtype != torch.float32:
+            raise ArrayError(f"colors[{name!r}] must be float32, got {tensor.dtype}")
+
+
+@torch.compiler.assume_constant_result
+def _indices(number: int, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the indices of objects."""
+    return tuple(numbered_renderer(number).scene.index(name) for name in names)
