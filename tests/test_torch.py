@@ -13,6 +13,7 @@ import warpvis as wv
 import warpvis.torch as wt
 from warpvis.cameras import parameter_values, with_parameters
 from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import SceneError
 from warpvis.torch._cast import cast
 from warpvis.torch._render import _number
 
@@ -281,6 +282,30 @@ def test_labels_have_no_gradient():
     images = wt.render(build_scene(), CAMERAS["pinhole"], tensor(ROW, "cpu", requires_grad=True), outputs="labels")
     with pytest.raises(RuntimeError, match="does not require grad"):
         images.labels.float().sum().backward()
+
+
+def test_round_solids_have_gradients_of_depth_but_not_of_normals(device):
+    """Depth and points of a sphere have the gradients of its tangent planes; its normals change with the point."""
+    scene = wv.Scene(device=device)
+    scene.add(wv.scene.solids.sphere(0.5), name="ball", movable=True)
+    camera, row = wv.Camera.from_fov(16, 12, hfov=0.3), tensor(wv.look_at((0, 0, 0), (2, 0, 0)), device)
+
+    def total(objects, names):
+        images = wt.render(scene, camera, row, object_poses=objects, outputs=(*names, "normals"))
+        return sum(getattr(images, name).double().square().sum() for name in names)
+
+    objects = tensor([[2.0, 0.1, 0, 0, 0, 0, 1]], device, requires_grad=True)
+    for name in ("depth", "points"):
+        objects.grad = None
+        total(objects, [name]).backward()
+        expected = []
+        for k in range(3):
+            step = 1e-3 * torch.eye(7, device=objects.device)[k]
+            with torch.no_grad():
+                expected.append((total(objects + step, [name]) - total(objects - step, [name])).item() / 2e-3)
+        np.testing.assert_allclose(objects.grad[0, :3].cpu(), expected, rtol=1e-3, atol=1e-2)
+    with pytest.raises(SceneError, match="normals must be left out of the loss .* got 'ball'"):
+        total(objects, ["normals"]).backward()
 
 
 def test_cuda_graph_replays_render_and_gradients():

@@ -204,6 +204,7 @@ def _backward(
     given = {name: gradients[name] for name in names if name in WITH_GRADIENT}
     if not given:
         return (jax.tree.map(lambda array: None, arrays),)
+    numbered_renderer(number).check_normals(given)
     of_poses = pose_gradients(number, arrays._replace(vertices=()), images, given)
     of_objects = None
     if arrays.object_poses is not None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any, cast
@@ -173,6 +173,10 @@ class DifferentiableRenderer:
             self._colors.gradients(index, shape, worlds, images, of_colors, vertices=self._vertices_of(inputs, index))
             for index, shape in shapes.items()
         ]
+
+    def check_normals(self, names: Iterable[str]) -> None:
+        """Raise a `SceneError` for gradients of normals that do not exist, as `DepthGradients.check_normals` does."""
+        self._gradients.check_normals(names)
 
     def needed_images(self) -> tuple[str, ...]:
         """Return the images of a render that its gradients are computed from."""

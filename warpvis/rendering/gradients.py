@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +15,7 @@ from warpvis.cameras import origin_jacobian, ray_jacobian
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, launch_images
-from warpvis.errors import ArrayError
+from warpvis.errors import ArrayError, SceneError
 from warpvis.rendering.casters.base import ImagesByName, as_image, images_struct
 from warpvis.rendering.casters.rays import rays_on_device
 from warpvis.scene import Scene
@@ -91,6 +91,7 @@ class DepthGradients:
         """
         from warpvis.kernels.gradients.depth_gradients import mat34d, sum_moments, sum_pose_strips
 
+        self.check_normals(gradients)
         self._check_images(images)
         views, height, width = as_image(images["depth"]).shape
         columns = 1 + len(self._scene.movable)
@@ -117,6 +118,7 @@ class DepthGradients:
         """Return gradients with respect to the rays of pixels; arguments as for `poses`."""
         from warpvis.kernels.gradients.depth_gradients import write_ray_gradients
 
+        self.check_normals(gradients)
         self._check_images(images, ("depth", "normals"))
         shape = as_image(images["depth"]).shape
         result = RayGradients(
@@ -178,6 +180,7 @@ class DepthGradients:
         """
         from warpvis.kernels.gradients.vertex_gradients import DeformingObject, sum_vertex_gradients
 
+        self.check_normals(gradients)
         self._check_images(images, (*NEEDED_IMAGES, "faces"))
         index, device = self._scene.index(name), self._scene.device
         deforming = DeformingObject()
@@ -198,6 +201,25 @@ class DepthGradients:
 
     def _zeros(self, shape: tuple[int, ...], dtype: Any) -> wp.array:
         return self._allocate(shape, dtype, self._scene.device)
+
+    def check_normals(self, names: Iterable[str]) -> None:
+        """Check that normals have no gradients if those of a movable object depend on the seen point.
+
+        Args:
+            names: Images with gradients.
+
+        Raises:
+            SceneError: If normals are among them, and a movable object is a round solid.
+        """
+        if "normals" not in names:
+            return
+        for index in self._scene.movable:
+            item = self._scene.objects[index]
+            if item.solid is not None:
+                raise SceneError(
+                    f"normals must be left out of the loss (in JAX: of outputs) if a movable object is a round solid, "
+                    f"got {item.name!r}. Meshes have gradients of normals"
+                )
 
     def _check_images(self, images: ImagesByName, needed: Sequence[str] | None = None) -> None:
         """Raise an `ArrayError` if an image is missing."""

@@ -219,6 +219,7 @@ def _save_for_backward(ctx: Any, inputs: tuple[Any, ...], output: list[Tensor]) 
     rows, object_rows, world_index, vertices, parameters, ctx.number, ctx.outputs = inputs
     ctx.save_for_backward(rows, object_rows, world_index, parameters, *vertices, *output)
     ctx.vertices = len(vertices)
+    ctx.set_materialize_grads(False)  # None for images that are not in the loss
 
 
 def _backward(ctx: Any, gradients: list[Tensor]) -> tuple[Any, ...]:
