@@ -13,6 +13,7 @@ import warp as wp
 import warpvis as wv
 from warpvis.cameras import parameter_values, with_parameters
 from warpvis.core.poses import poses_to_matrices
+from warpvis.errors import SceneError
 from warpvis.rendering import differentiable
 
 from support.gradients import CAMERAS, NAMES, OBJECT_ROWS, ROW, Loss, build_scene, changes_of, flat_rays
@@ -369,6 +370,19 @@ def test_integer_images_have_no_gradients(device):
     pose = jnp.asarray(ROW, jnp.float32)
     gradient = jax.grad(lambda pose: wvj.render(scene, PINHOLE, pose, outputs=("labels",)).labels.astype(float).sum())
     assert not gradient(pose).any()
+
+
+def test_normals_of_round_solids_have_no_gradients(device):
+    scene = wv.Scene(device=device)
+    scene.add(wv.scene.solids.sphere(0.5), name="ball", pose=(2, 0, 0, 0, 0, 0, 1), movable=True)
+    for names in (("depth", "points"), ("depth", "normals")):
+        total = partial(wvj.render, scene, PINHOLE, outputs=names)
+        gradient = jax.grad(lambda pose, total=total: finite_sum(total(pose), {"depth": 1.0}))
+        if "normals" not in names:
+            assert gradient(jnp.asarray(ROW, jnp.float32)).any()
+            continue
+        with pytest.raises(SceneError, match="normals must be left out of the loss .* got 'ball'"):
+            gradient(jnp.asarray(ROW, jnp.float32))
 
 
 def test_arrays_of_double_precision(device):
