@@ -381,7 +381,7 @@ def test_normals_of_round_solids_have_no_gradients(device):
         if "normals" not in names:
             assert gradient(jnp.asarray(ROW, jnp.float32)).any()
             continue
-        with pytest.raises(SceneError, match="normals must be left out of the loss .* got 'ball'"):
+        with pytest.raises(SceneError, match=r"normals must be left out of the loss .* got 'ball'"):
             gradient(jnp.asarray(ROW, jnp.float32))
 
 

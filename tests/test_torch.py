@@ -304,7 +304,7 @@ def test_round_solids_have_gradients_of_depth_but_not_of_normals(device):
             with torch.no_grad():
                 expected.append((total(objects + step, [name]) - total(objects - step, [name])).item() / 2e-3)
         np.testing.assert_allclose(objects.grad[0, :3].cpu(), expected, rtol=1e-3, atol=1e-2)
-    with pytest.raises(SceneError, match="normals must be left out of the loss .* got 'ball'"):
+    with pytest.raises(SceneError, match=r"normals must be left out of the loss .* got 'ball'"):
         total(objects, ["normals"]).backward()
 
 
