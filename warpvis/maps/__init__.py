@@ -20,7 +20,8 @@ from warpvis.maps._floor_map import (
 from warpvis.maps._floor_plan import PlanVisibility, plan_visibility
 from warpvis.maps._occupancy_grid import OccupancyGrid
 from warpvis.maps._occupancy_map import OccupancyMap as OccupancyMap
-from warpvis.maps._register import Registration, register as register
+from warpvis.maps._register import register as register
+from warpvis.maps._registration import Registration
 from warpvis.maps._scene_changes import SceneChange
 from warpvis.maps._voxel_map import Voxel, VoxelMap as VoxelMap
 from warpvis.maps._voxel_views import voxel_map as voxel_map, voxel_map_from_scene as voxel_map_from_scene

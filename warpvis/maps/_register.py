@@ -5,8 +5,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,77 +13,22 @@ from numpy.typing import NDArray
 
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.depth_images import check_meters, refuse_color
-from warpvis.cameras.rays import Rays
 from warpvis.core.arrays import as_numpy, as_warp, check_length, count_axes, on_gpu, take_rows
 from warpvis.core.checks import check_number, check_whole, is_number
-from warpvis.core.kernel_cache import launch
 from warpvis.core.pose_order import warn_of_order
-from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw, vectors_in_axes
-from warpvis.core.threads import check_threads, launch_images
+from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
+from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
-from warpvis.rendering import Output, Renderer, Views, as_views, views_for
+from warpvis.maps._register_poses import PoseSolver
+from warpvis.maps._register_sums import DepthSums
+from warpvis.maps._registration import Registration
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.joints import JointValues
-from warpvis.scene.worlds import parse_worlds, part_of, pose_columns
-
-# Pixels that one thread of a CPU or one warp of 32 threads adds up.
-_CPU_STRIP, _GPU_STRIP, _WARP = 2048, 512, 32
-
-# Size of the rendered images of one block of views [bytes].
-_CPU_BLOCK, _GPU_BLOCK = 1 << 26, 1 << 30
-
-# Number of sums of a strip, and largest step [rad, m].
-_NUM_SUMS, _MAX_ROTATION, _MAX_TRANSLATION = 45, 0.35, 0.5
+from warpvis.scene.worlds import parse_worlds, pose_columns
 
 _MAX_ITERATIONS = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class Registration:
-    """Registered poses of V views or hypotheses: `wp.array`s on the scene's device.
-
-    Twists are (rotation [rad], translation [m]) in the world frame: a small twist ``(r, t)`` moves the camera or the
-    object by the rotation r about its own origin and the translation t, both along the axes of the world.
-    """
-
-    poses: wp.array
-    """Poses of the camera in the given convention, or of the moved object, to world, shape ``(V,)`` transform."""
-    covariance: wp.array
-    """Covariance of the twist, the inverse of `H`, ``(V, 6, 6)`` float64; +inf if depth does not determine the pose."""
-    H: wp.array
-    """Information matrix of the twist, ``(V, 6, 6)`` float64."""
-    b: wp.array
-    """Gradient of `e`, ``(V, 6)`` float64."""
-    e: wp.array
-    """Robust cost: half the sum of squared residuals, linear above `huber` and constant above `max_distance`,
-    ``(V,)`` float64."""
-    num_inliers: wp.array
-    """Number of pixels that determine the pose, ``(V,)`` int32."""
-    num_measured: wp.array
-    """Number of pixels with measured depth, ``(V,)`` int32."""
-    converged: wp.array
-    """Whether the last step was not significant, ``(V,)`` uint8. Views without surfaces to compare keep their poses,
-    and are not converged."""
-    iterations: wp.array
-    """Number of steps, ``(V,)`` int32."""
-    object_poses: wp.array | None = None
-    """If an object was moved: poses of all movable objects, ``(V, M)`` transform."""
-
-    @cached_property
-    def inlier_ratio(self) -> NDArray[np.float64]:
-        """Fraction of the measured pixels that are inliers, shape ``(V,)``; waits for a GPU."""
-        return self.num_inliers.numpy() / np.maximum(self.num_measured.numpy(), 1)
-
-    def best(self) -> int:
-        """Return the index of the view with the lowest cost per measured pixel; -1 if none has inliers.
-
-        It waits for a GPU.
-        """
-        error = self.e.numpy() / np.maximum(self.num_measured.numpy(), 1)
-        error = np.where(self.num_inliers.numpy() > 0, error, np.inf)
-        return int(error.argmin()) if np.isfinite(error).any() else -1
 
 
 def register(
@@ -165,8 +108,8 @@ def register(
     poses = parse_poses(rows, convention=axes, device=device)
     images = _read_depth(depth, camera, device)
     count = max(len(poses), len(images), _count_worlds(object_poses, world_index))
-    weighting = _weighting(camera, column, huber, max_distance, min_cosine, max_jump)
-    limits = _limits(tolerance)
+    weighting = _weighting(camera, huber, max_distance, min_cosine, max_jump)
+    tolerance = check_length(tolerance, "tolerance", zero=False)
     iterations = check_whole(iterations, "iterations")
     if iterations > _MAX_ITERATIONS:
         raise ArrayError(f"iterations must be from 1 to {_MAX_ITERATIONS}, got {iterations}")
@@ -181,164 +124,9 @@ def register(
     if device.is_cpu and quaternion == "xyzw":
         warn_of_order(camera_to_world, axes)
 
-    solver = _Solver(scene, camera, images, sigmas, weighting, limits, iterations, threads)
-    moved, state = solver.run(poses, worlds)
-    return _results(moved, state, column, axes, device)
-
-
-class _Solver:
-    """Registration of views, block by block."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        camera: AnyCamera,
-        depth: wp.array,
-        sigmas: wp.array,
-        weighting: Any,
-        limits: Any,
-        iterations: int,
-        threads: int,
-    ) -> None:
-        self.device, self.threads = scene.device, threads
-        self.weighting, self.limits, self.iterations = weighting, limits, iterations
-        self.depth, self.sigmas = depth, sigmas
-        outputs: list[Output] = ["depth", "normals"]
-        if weighting.column >= 0:
-            outputs.append("segmentation")
-        self.renderer = Renderer(scene, _without_range(camera), outputs=outputs, threads=threads)
-        self.shape = camera.shape
-        self.columns = wp.array(pose_columns(scene), dtype=wp.int32, device=self.device)
-        self.rays = _table(camera.rays, camera, self.device)
-        self.origins = None if camera.origins is None else _table(camera.origins, camera, self.device)
-        self.strips = _strips(camera, self.device)
-        self.num_strips = -(-self.strips.pixels // self.strips.size)
-        self.pixel_bytes = 16 if weighting.column < 0 else 20
-
-    def run(self, poses: wp.array, worlds: Any) -> tuple[wp.array, Any]:
-        """Return the moved poses, ``(V, 1)`` or ``(V, M)``, and the state of the solver."""
-        from warpvis.kernels.gradients.normal_equations import spread_object_poses
-        from warpvis.kernels.gradients.pose_steps import SolverState
-
-        count = len(poses)
-        if self.weighting.column < 0:
-            moved = wp.clone(poses).reshape((count, 1))
-        else:
-            moved = wp.empty((count, worlds.object_poses.shape[1]), dtype=wp.transform, device=self.device)
-            launch(spread_object_poses, moved.shape, [worlds, moved], self.device)
-        state = SolverState()
-        state.status = wp.zeros(count, dtype=wp.int32, device=self.device)
-        state.iterations = wp.zeros(count, dtype=wp.int32, device=self.device)
-        state.damping = wp.zeros(count, dtype=wp.float64, device=self.device)
-        state.lengths = wp.zeros(count, dtype=wp.float64, device=self.device)
-        state.best = wp.empty(count, dtype=wp.transform, device=self.device)
-        state.sums = wp.zeros((count, _NUM_SUMS), dtype=wp.float64, device=self.device)
-        limit = _CPU_BLOCK if self.device.is_cpu else _GPU_BLOCK
-        size = min(count, max(1, limit // (self.pixel_bytes * self.strips.pixels)))
-        views = views_for(self.renderer.outputs, (size, *self.shape), self.device)
-        memory = wp.empty((size, self.num_strips, _NUM_SUMS), dtype=wp.float64, device=self.device)
-        sums = wp.zeros((count, _NUM_SUMS), dtype=wp.float64, device=self.device)
-        for first in range(0, count, size):
-            self._run_block(slice(first, min(first + size, count)), poses, moved, worlds, state, sums, views, memory)
-        return moved, state
-
-    def _run_block(
-        self,
-        block: slice,
-        poses: wp.array,
-        moved: wp.array,
-        worlds: Any,
-        state: Any,
-        sums: wp.array,
-        views: Views,
-        memory: wp.array,
-    ) -> None:
-        """Register some views: all of them in each iteration on CUDA, those that are not finished on a CPU."""
-        from warpvis.kernels.gradients.pose_steps import SolverState, step_poses
-
-        part = SolverState()
-        for name in ("status", "iterations", "damping", "lengths", "best", "sums"):
-            setattr(part, name, getattr(state, name)[block])
-        numbers = np.arange(block.start, block.stop, dtype=np.int32)
-        chosen: slice | NDArray[np.integer] = block
-        for iteration in range(self.iterations + 1):
-            if self.device.is_cpu:
-                running = numbers[part.status.numpy() == 0]
-                chosen = block if len(running) == len(numbers) else running
-                if not len(running):
-                    break
-            self._sum(chosen, poses, moved, worlds, sums, views, memory)
-            is_last = iteration == self.iterations
-            inputs = [self.limits, max(self.weighting.column, 0), is_last, sums[block], part, moved[block]]
-            launch(step_poses, len(numbers), inputs, self.device)
-
-    def _sum(
-        self,
-        chosen: slice | NDArray[np.integer],
-        poses: wp.array,
-        moved: wp.array,
-        worlds: Any,
-        sums: wp.array,
-        views: Views,
-        memory: wp.array,
-    ) -> None:
-        """Render some views at their current poses, and write their sums."""
-        from warpvis.kernels.casting.worlds import Worlds
-        from warpvis.kernels.gradients.normal_equations import Rendered, add_strips, sum_terms
-        from warpvis.kernels.gradients.normal_rows import sum_terms_rows
-
-        if self.weighting.column < 0:
-            poses = moved.reshape((len(poses),))
-        else:
-            excluded, worlds = worlds.excluded, Worlds()
-            worlds.object_poses, worlds.excluded = moved, excluded
-        numbers = np.arange(chosen.start, chosen.stop) if isinstance(chosen, slice) else chosen
-        count = len(numbers)
-        cameras, shown = take_rows(poses, chosen), part_of(worlds, chosen)
-        images = {name: getattr(views, name)[:count] for name in self.renderer.outputs}
-        self.renderer.render_parsed(cameras, shown, out=as_views(images))
-        flat = {name: image.reshape((count, self.strips.pixels)) for name, image in images.items()}
-        rendered = Rendered()
-        rendered.views = wp.array(numbers, dtype=wp.int32, device=self.device)
-        rendered.depth, rendered.normals = flat["depth"], flat["normals"]
-        if "segmentation" in flat:
-            rendered.objects = flat["segmentation"]
-        strips = memory[:count]
-        scene = [self.columns, cameras, self.rays, self.origins]
-        inputs = [self.weighting, self.strips, self.sigmas, shown.object_poses, rendered, self.depth, strips]
-        launch_images(
-            sum_terms_rows if self.device.is_cpu else sum_terms,
-            (count, self.num_strips, self.strips.lanes),
-            lambda window: [*scene, window, *inputs],
-            device=self.device,
-            threads=self.threads,
-            min_pixels=1,
-        )
-        lanes = self.strips.lanes
-        launch(add_strips, (count, _NUM_SUMS, lanes), [rendered.views, lanes, strips, sums], self.device)
-
-
-def _results(moved: wp.array, state: Any, column: int, axes: Convention, device: wp.Device) -> Registration:
-    """Return the results of the accepted poses."""
-    from warpvis.kernels.gradients.pose_steps import write_results
-
-    count = len(moved)
-    arrays: dict[str, wp.array] = {}
-    for name, shape, dtype in (
-        ("H", (6, 6), wp.float64),
-        ("b", (6,), wp.float64),
-        ("e", (), wp.float64),
-        ("covariance", (6, 6), wp.float64),
-        ("num_inliers", (), wp.int32),
-        ("num_measured", (), wp.int32),
-        ("converged", (), wp.uint8),
-    ):
-        arrays[name] = wp.empty((count, *shape), dtype=dtype, device=device)
-    launch(write_results, count, [state, *arrays.values()], device)
-    poses = state.best
-    if column < 0 and axes != "opencv":
-        poses = parse_poses(poses, convention="opencv", axes=axes, device=device)
-    return Registration(poses, iterations=state.iterations, object_poses=None if column < 0 else moved, **arrays)
+    columns = pose_columns(scene)
+    sums = DepthSums(scene, camera, images, sigmas, weighting, threads, columns, [column])
+    return PoseSolver(sums, tolerance, iterations).run(poses, worlds, axes)
 
 
 def _column(scene: Scene, moving: object) -> int:
@@ -385,32 +173,7 @@ def _sigmas(sigma: Sigma, camera: AnyCamera) -> NDArray[np.float32]:
     return table[:2] if (table == table[0]).all() else table
 
 
-def _without_range(camera: AnyCamera) -> AnyCamera:
-    """Return a camera whose depth is finite at any distance of the surface."""
-    if isinstance(camera, Rays):
-        return camera.with_range(0.0, math.inf)
-    return replace(camera, near=0.0, far=math.inf)  # type: ignore[type-var]  # all other cameras are dataclasses
-
-
-def _table(vectors: NDArray[np.float64], camera: AnyCamera, device: wp.Device) -> wp.array:
-    """Return vectors of all pixels in the OpenCV frame, shape ``(3, pixels)`` float64."""
-    rows = vectors_in_axes(vectors.reshape(-1, 3), camera.axes, "opencv")
-    return wp.array(np.ascontiguousarray(rows.T), dtype=wp.float64, device=device)
-
-
-def _strips(camera: AnyCamera, device: wp.Device) -> Any:
-    """Return how pixels are distributed, by the number of pixels only: sums do not depend on the number of threads."""
-    from warpvis.kernels.gradients.normal_equations import Strips
-
-    strips = Strips()
-    strips.width, strips.pixels = camera.width, math.prod(camera.shape)
-    strips.size, strips.lanes = (_CPU_STRIP, 1) if device.is_cpu else (_GPU_STRIP, _WARP)
-    return strips
-
-
-def _weighting(
-    camera: AnyCamera, column: int, huber: object, max_distance: object, min_cosine: object, max_jump: object
-) -> Any:
+def _weighting(camera: AnyCamera, huber: object, max_distance: object, min_cosine: object, max_jump: object) -> Any:
     """Return checked options as a struct for kernels."""
     from warpvis.kernels.gradients.normal_equations import Weighting
     from warpvis.kernels.maps.compare_depth import Criteria
@@ -421,19 +184,9 @@ def _weighting(
     criteria.near, criteria.far = camera.near, camera.far
     criteria.first_bits, criteria.step_bits = int(KNOTS[:1].astype(np.float32).view(np.int32)[0]), KNOT_STEP
     weighting = Weighting()
-    weighting.criteria, weighting.column = criteria, column
+    weighting.criteria = criteria
     weighting.huber = min(float(huber), 1e100)
     weighting.max_distance = check_length(max_distance, "max_distance", zero=False)
     weighting.min_cosine = check_number(min_cosine, "min_cosine", minimum=0.0, maximum=1.0)
     weighting.max_jump = math.inf if max_jump is None else check_length(max_jump, "max_jump", zero=False)
     return weighting
-
-
-def _limits(tolerance: object) -> Any:
-    """Return limits of steps as a struct for kernels."""
-    from warpvis.kernels.gradients.pose_steps import StepLimits
-
-    limits = StepLimits()
-    limits.max_rotation, limits.max_translation = _MAX_ROTATION, _MAX_TRANSLATION
-    limits.tolerance = check_length(tolerance, "tolerance", zero=False)
-    return limits
