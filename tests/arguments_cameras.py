@@ -134,6 +134,11 @@ def camera_cases(folder):
             {"width": 8, "height": 6, "hfov": 3.0, "projection": "spherical", "near": 0.1, "far": 9.0},
         ),
         "WideCamera.rays_at": (wv.cameras.WideCamera(8, 6, 3.0).rays_at, {"pixels": [[1, 1]]}),
+        "parameter_names": (wv.cameras.parameter_names, {"camera": LENS}),
+        "parameter_values": (wv.cameras.parameter_values, {"camera": LENS}),
+        "with_parameters": (wv.cameras.with_parameters, {"camera": CAMERA, "values": [9, 9, 4, 3]}),
+        "ray_jacobian": (wv.cameras.ray_jacobian, {"camera": LENS}),
+        "origin_jacobian": (wv.cameras.origin_jacobian, {"camera": LENS}),
         "render_wide": (
             wv.rendering.render_wide,
             {

@@ -263,7 +263,7 @@ NAMES = (
     "read_depth TimeOf azure_ femto_ pmd_ Nguyen Khoshelham Corruptions SimKinect Redwood Latency Learned sensor_ "
     "Viewer view MujocoStage read_scene Webots "
     "Body Colors Figure Person at_ in_circle in_queue read_figure crouching looking_ pointing posed reaching sitting "
-    "stature walking generate_ Room Situation Stage "
+    "stature walking generate_ Room Situation Stage parameter_ with_ ray_jac origin_jac "
 ).split()
 
 

@@ -461,5 +461,5 @@ def test_arrays_on_another_device():
         pytest.skip("needs a GPU")
     scene = scene_on("cuda:0")
     poses = jax.device_put(jnp.asarray(ROW, jnp.float32), jax.devices("cpu")[0])
-    with pytest.raises(wv.ArrayError, match="poses must be on the scene's device, cuda:0"):
+    with pytest.raises(wv.WarpvisError, match="poses must be on the scene's device, cuda:0"):
         wvj.render(scene, PINHOLE, poses)

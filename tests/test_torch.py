@@ -269,7 +269,7 @@ def test_scene_is_freed():
         ({"vertices": {"cup": torch.zeros(3, 3)}}, "cup"),
         ({"intrinsics": torch.ones(3)}, "intrinsics must be a torch.Tensor of the 4 numbers fx, fy, cx, cy, got"),
         ({"intrinsics": torch.tensor([-1.0, 1, 1, 1])}, "fx"),
-        ({"outputs": ("depth", "colour")}, "outputs must be some of depth, points"),
+        ({"outputs": ("depth", "colors")}, "outputs must be some of depth, points"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(change, message):

@@ -101,7 +101,7 @@ def _with_members(size: int, is_batched: bool, array: Array) -> Array:
 
 def _join_members(size: int, batched: Arrays, arrays: Arrays) -> Arrays:
     """Return the views of all members of a batch as views of one render."""
-    poses = _with_members(size, batched.poses, arrays.poses)
+    poses = _with_members(size, bool(batched.poses), arrays.poses)
     views = poses.shape[1]
     objects, index = arrays.object_poses, arrays.world_index
     if objects is not None:

@@ -103,9 +103,13 @@ def _gradient_inputs(
 
 def _named(arrays: Arrays) -> dict[str, Array]:
     """Return the arrays that are given, by name."""
-    named = {"poses": arrays.poses, "object_poses": arrays.object_poses, "world_index": arrays.world_index}
-    named["intrinsics"] = arrays.intrinsics
-    named = {name: array for name, array in named.items() if array is not None}
+    optional = {
+        "poses": arrays.poses,
+        "object_poses": arrays.object_poses,
+        "world_index": arrays.world_index,
+        "intrinsics": arrays.intrinsics,
+    }
+    named = {name: array for name, array in optional.items() if array is not None}
     return {**named, **{f"vertices_{k}": vertices for k, vertices in enumerate(arrays.vertices)}}
 
 
