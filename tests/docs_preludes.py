@@ -293,12 +293,14 @@ def _learning(folder):
 def _gradients(folder):
     import torch
 
-    scene, camera = _room(), wv.Camera.from_fov(64, 48, hfov=1.0, far=10)
+    given = _registration(folder)
+    scene, camera = given["scene"], given["camera"]
     corners, coordinates = [(4, -1, 0), (4, 1, 0), (4, 1, 2), (4, -1, 2)], np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
     scene.add((corners, [(0, 1, 2), (0, 2, 3)]), name="poster", appearance=Appearance(uv=coordinates))
-    camera_to_world = _poses(2)
-    pictures = torch.from_dlpack(wv.render(scene, camera, camera_to_world, outputs="albedo").albedo) / 255
-    return {"scene": scene, "camera": camera, "camera_to_world": camera_to_world, "pictures": pictures}
+    depth = wv.render(scene, camera, given["truth"], outputs="depth").depth.numpy()[0]
+    poses = torch.tensor(_poses(2), dtype=torch.float32)
+    pictures = torch.from_dlpack(wv.render(scene, camera, poses, outputs="albedo").albedo) / 255
+    return given | {"depth": depth, "poses": poses, "pictures": pictures}
 
 
 def _mujoco(folder):
