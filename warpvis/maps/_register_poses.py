@@ -74,6 +74,7 @@ class PoseSolver:
         else:
             excluded, worlds = worlds.excluded, Worlds()
             worlds.object_poses, worlds.excluded = moved, excluded
+        sums_in, moved_out = sums[block], moved[block]
         numbers = np.arange(block.start, block.stop, dtype=np.int32)
         chosen: slice | NDArray[np.integer] = block
         for iteration in range(self.iterations + 1):
@@ -84,7 +85,7 @@ class PoseSolver:
                     break
             self.sums.add(chosen, poses, worlds, [sums])
             is_last = iteration == self.iterations
-            inputs = [self.limits, max(self.column, 0), is_last, sums[block], part, moved[block]]
+            inputs = [self.limits, max(self.column, 0), is_last, sums_in, part, moved_out]
             launch(step_poses, len(numbers), inputs, self.device)
 
     def _results(self, moved: wp.array, state: Any, axes: Convention) -> Registration:

@@ -19,12 +19,15 @@ from warpvis.core.arrays import take_rows
 from warpvis.core.kernel_cache import launch
 from warpvis.core.poses import vectors_in_axes
 from warpvis.core.threads import launch_images
-from warpvis.rendering import Output, Renderer, as_views, views_for
+from warpvis.rendering import Output, Renderer, Views, as_views, views_for
 from warpvis.scene import Scene
 from warpvis.scene.worlds import part_of
 
 # Pixels that one thread of a CPU or one warp of 32 threads adds up.
 _CPU_STRIP, _GPU_STRIP, _WARP = 2048, 512, 32
+
+# Minimum number of strips of a launch on a CPU thread: they take as long as the launch, about 0.1 ms.
+_PIECE = 8
 
 # Size of the rendered images of one block of views [bytes].
 _CPU_BLOCK, _GPU_BLOCK = 1 << 26, 1 << 30
@@ -75,10 +78,13 @@ class DepthSums:
         self.rays = _table(camera.rays, camera, self.device)
         self.origins = None if camera.origins is None else _table(camera.origins, camera, self.device)
         self.strips = _strips(camera, self.device)
+        # The views of the last call with their memory: those of a whole block are the same in most calls.
+        self._slots: tuple[slice | NDArray[np.integer], Views, Any, wp.array] | None = None
         self.num_strips = -(-self.strips.pixels // self.strips.size)
 
     def blocks(self, count: int) -> list[slice]:
         """Return blocks of views, and allocate memory for the largest one."""
+        self._slots = None
         limit = _CPU_BLOCK if self.device.is_cpu else _GPU_BLOCK
         size = min(count, max(1, limit // ((16 if self.is_camera else 20) * self.strips.pixels)))
         self._views = views_for(self.renderer.outputs, (size, *self.shape), self.device)
@@ -94,21 +100,15 @@ class DepthSums:
             worlds: The worlds of all views.
             sums: Sums of each body, ``(V, 45)`` float64; rows of other views keep their values.
         """
-        from warpvis.kernels.gradients.normal_equations import Rendered, add_strips, sum_terms
+        from warpvis.kernels.gradients.normal_equations import add_strips, sum_terms
         from warpvis.kernels.gradients.normal_rows import sum_terms_rows
 
-        numbers = np.arange(chosen.start, chosen.stop) if isinstance(chosen, slice) else chosen
-        count = len(numbers)
         cameras, shown = take_rows(poses, chosen), part_of(worlds, chosen)
-        images = {name: getattr(self._views, name)[:count] for name in self.renderer.outputs}
-        self.renderer.render_parsed(cameras, shown, out=as_views(images))
-        flat = {name: image.reshape((count, self.strips.pixels)) for name, image in images.items()}
-        rendered = Rendered()
-        rendered.views = wp.array(numbers, dtype=wp.int32, device=self.device)
-        rendered.depth, rendered.normals = flat["depth"], flat["normals"]
-        if "segmentation" in flat:
-            rendered.objects = flat["segmentation"]
-        strips, lanes = self._memory[:count], self.strips.lanes
+        if self._slots is None or chosen is not self._slots[0]:
+            self._slots = chosen, *self._slots_of(chosen)
+        _, images, rendered, strips = self._slots
+        self.renderer.render_parsed(cameras, shown, out=images)
+        count, lanes = len(strips), self.strips.lanes
         scene = [self.columns, cameras, self.rays, self.origins]
         for body, sums_out in zip(self.bodies, sums, strict=True):
             self.weighting.column = body
@@ -119,9 +119,24 @@ class DepthSums:
                 lambda window, inputs=inputs: [*scene, window, *inputs],  # type: ignore[misc]
                 device=self.device,
                 threads=self.threads,
-                min_pixels=1,
+                min_pixels=_PIECE,
             )
             launch(add_strips, (count, NUM_SUMS, lanes), [rendered.views, lanes, strips, sums_out], self.device)
+
+    def _slots_of(self, chosen: slice | NDArray[np.integer]) -> tuple[Views, Any, wp.array]:
+        """Return the images of some views, the images as a `Rendered` struct, and memory for the sums of strips."""
+        from warpvis.kernels.gradients.normal_equations import Rendered
+
+        numbers = np.arange(chosen.start, chosen.stop) if isinstance(chosen, slice) else chosen
+        count = len(numbers)
+        images = {name: getattr(self._views, name)[:count] for name in self.renderer.outputs}
+        flat = {name: image.reshape((count, self.strips.pixels)) for name, image in images.items()}
+        rendered = Rendered()
+        rendered.views = wp.array(numbers, dtype=wp.int32, device=self.device)
+        rendered.depth, rendered.normals = flat["depth"], flat["normals"]
+        if "segmentation" in flat:
+            rendered.objects = flat["segmentation"]
+        return as_views(images), rendered, self._memory[:count]
 
 
 def _without_range(camera: AnyCamera) -> AnyCamera:
