@@ -127,6 +127,10 @@ class DifferentiableRenderer:
         """Return gradients with respect to the camera's parameters, as `DepthGradients.parameters` does."""
         return self._gradients.parameters(inputs.poses, images, gradients)
 
+    def silhouettes(self, poses: wp.array, images: Mapping[str, wp.array]) -> wp.array:
+        """Return the mask of pixels beside silhouettes, as `DepthGradients.silhouettes` does."""
+        return self._gradients.silhouettes(poses, images)
+
     def with_parameters(self, values: NDArray[np.float64]) -> DifferentiableRenderer:
         """Return the renderer of the camera with other values of its parameters; that of the last values is cached."""
         key = tuple(values.tolist())

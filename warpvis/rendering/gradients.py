@@ -15,7 +15,7 @@ from warpvis.cameras import origin_jacobian, ray_jacobian
 from warpvis.cameras.base import AnyCamera
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, launch_images
-from warpvis.errors import ArrayError, SceneError
+from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.rendering.casters.base import ImagesByName, as_image, images_struct
 from warpvis.rendering.casters.rays import rays_on_device
 from warpvis.scene import Scene
@@ -220,6 +220,28 @@ class DepthGradients:
                     f"normals must be left out of the loss (in JAX: of outputs) if a movable object is a round solid, "
                     f"got {item.name!r}. Meshes have gradients of normals"
                 )
+
+    def silhouettes(self, camera_to_world: wp.array, images: ImagesByName) -> wp.array:
+        """Return the mask of pixels beside silhouettes, ``(V, H, W)`` uint8.
+
+        Args:
+            camera_to_world: As for `poses`.
+            images: Images of the render: ``depth``, ``normals`` and ``segmentation``.
+        """
+        from warpvis.kernels.gradients.silhouette_masks import mark_silhouettes
+
+        self._check_images(images, NEEDED_IMAGES)
+        if len(self._camera.shape) == 1:
+            raise CameraError("camera must have pixels with neighbors for a mask of silhouettes, got a list of rays")
+        mask = self._zeros(as_image(images["depth"]).shape, wp.uint8)
+        launch_images(
+            mark_silhouettes,
+            mask.shape,
+            lambda window: [self._table, camera_to_world, window, _images(images), mask],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+        return mask
 
     def _check_images(self, images: ImagesByName, needed: Sequence[str] | None = None) -> None:
         """Raise an `ArrayError` if an image is missing."""

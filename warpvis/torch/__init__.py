@@ -12,5 +12,6 @@ Gradients are those of the seen surfaces; silhouettes do not contribute (`silhou
 
 from warpvis.torch._poses import apply_twists, matrices_to_rows
 from warpvis.torch._render import Images, render
+from warpvis.torch._silhouettes import silhouette_mask
 
-__all__ = ["Images", "apply_twists", "matrices_to_rows", "render"]
+__all__ = ["Images", "apply_twists", "matrices_to_rows", "render", "silhouette_mask"]
