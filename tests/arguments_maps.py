@@ -14,10 +14,18 @@ FLOOR = wv.fit_floor(FLOOR_POINTS, camera_to_world=POSE_ABOVE, up=(0, 0, 1))
 COMPARED = wv.compare_depth(scene(), CAMERA, POSE, DEPTH, sigma=0.01)
 
 
+SLIDE = """<robot name="slide"><link name="base"/>
+  <link name="cart"><visual><geometry><box size=".2 .2 .2"/></geometry></visual></link>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="cart"/><origin xyz="2 0 0"/>
+    <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
 def map_cases(folder):
     """Return the cases; write their files to `folder`."""
     seen = scene()
     path = folder / "out"
+    (folder / "slide.urdf").write_text(SLIDE)
+    robot = wv.Scene.load(folder / "slide.urdf", movable=True)
     floor_map = wv.floor_map(RENDERED.points, RENDERED.labels, bounds=[[-1, -1], [1, 1]])
     voxels = wv.voxel_map(DEPTH, CAMERA, POSE, bounds=SPACE["bounds"])
     occupancy = wv.OccupancyMap(0.1, bounds=[(-2, -2, -1), (2, 2, 1)])
@@ -152,6 +160,18 @@ def map_cases(folder):
         "register with joints": (
             wv.register,
             {"scene": seen, **VIEW, "depth": DEPTH, "sigma": 0.01, "iterations": 1, "joint_positions": {}},
+        ),
+        "register of joints": (
+            wv.register,
+            {
+                "scene": robot,
+                **VIEW,
+                "depth": DEPTH,
+                "sigma": 0.01,
+                "moving": ["slide"],
+                "iterations": 1,
+                "joint_positions": {"slide": 0.1},
+            },
         ),
         "FloorFit.heights": (FLOOR.heights, {"points": [[0.0, 0.0, 1.0]]}),
         "fit_floor": (

@@ -221,13 +221,20 @@ def _real_cameras(folder):
 
 
 def _registration(folder):
+    _urdf(folder)
     scene, camera = _tabletop(), wv.Camera.from_fov(160, 120, hfov=1.0, near=0.3, far=6.0)
     scene.add(trimesh.creation.box((9, 9, 0.1)), name="floor", label="ground", pose=(2, 0, -0.05, 0, 0, 0, 1))
     truth = wv.look_at((0.5, -1.0, 1.5), (2, 0, 0.7))
     depth = wv.render(scene, camera, truth, outputs="depth").depth.numpy()[0]
     initial = np.array([wv.look_at((0.5 + x, -1.03, 1.52), (2, 0.03, 0.7)) for x in (0.0, 0.04, 0.08)])
     mug = np.array([[[2.32, 0.02, 0.76, 0, 0, 0, 1]]])
-    return {"scene": scene, "camera": camera, "depth": depth, "initial": initial, "truth": truth, "mug": mug}
+    given = {"scene": scene, "camera": camera, "depth": depth, "initial": initial, "truth": truth, "mug": mug}
+    robot = wv.Scene.load(folder / "arm.urdf", movable=True)
+    view, estimate = wv.look_at((0.4, -1.4, 1.0), (0.1, 0, 0.6)), wv.look_at((0.42, -1.38, 1.0), (0.12, 0, 0.6))
+    postures = {"shoulder": [0.4, 0.0, 0.6, 1.2], "elbow": [0.75, 0.5, 1.0, -0.8]}
+    images = wv.render(robot, camera, [view] * 4, outputs="depth", object_poses=robot.joints.poses(postures)).depth
+    arm = {"arm_depth": images.numpy()[0], "posture_depth": images.numpy()[1:]}
+    return given | arm | {"arm_view": view, "arm_estimate": estimate}
 
 
 def _calibration_files(folder):

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Registration of camera poses and object poses to measured depth by Gauss-Newton steps."""
+"""Registration of camera poses, object poses and joint positions to measured depth by Gauss-Newton steps."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,18 +15,20 @@ from numpy.typing import NDArray
 from warpvis.cameras.base import AnyCamera
 from warpvis.cameras.depth_images import check_meters, refuse_color
 from warpvis.core.arrays import as_numpy, as_warp, check_length, count_axes, on_gpu, take_rows
-from warpvis.core.checks import check_number, check_whole, is_number
+from warpvis.core.checks import check_number, check_whole, is_number, truncate
 from warpvis.core.pose_order import warn_of_order
 from warpvis.core.poses import Convention, QuaternionOrder, parse_poses, to_xyzw
 from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
+from warpvis.maps._register_joints import JointSolver
 from warpvis.maps._register_poses import PoseSolver
 from warpvis.maps._register_sums import DepthSums
 from warpvis.maps._registration import Registration
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.joints import JointValues
+from warpvis.scene.moving_joints import MovingJoints
 from warpvis.scene.worlds import parse_worlds, pose_columns
 
 _MAX_ITERATIONS = 1000
@@ -38,7 +41,7 @@ def register(
     camera_to_world: PoseLike,
     *,
     sigma: Sigma,
-    moving: str = "camera",
+    moving: str | Sequence[str] = "camera",
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     joint_positions: JointValues | None = None,
@@ -53,7 +56,7 @@ def register(
     quaternion: QuaternionOrder = "xyzw",
     threads: int | None = None,
 ) -> Registration:
-    """Refine poses of cameras or of an object so that rendered depth agrees with measured depth.
+    """Refine poses of cameras or an object, or positions of joints, until rendered depth agrees with measured depth.
 
     Each iteration renders the scene, and moves the pose by a Levenberg-Marquardt step that minimizes the distances of
     measured points from the planes of the surfaces in the same pixels (projective point-to-plane ICP). All views are
@@ -67,10 +70,14 @@ def register(
             no measurement.
         camera_to_world: Initial poses of the camera, ``(V, 7)`` or ``(V, 4, 4)``, or one pose for all views.
         sigma: Standard deviation of measured depth: as for `compare_depth`.
-        moving: ``"camera"``, or the name of a movable object, whose poses are refined instead of the camera's.
-        object_poses: As for `Renderer.render`. With `moving`, these are the initial poses.
+        moving: ``"camera"``, or the name of a movable object, whose poses are refined instead of the camera's;
+            or names of joints of the scene, whose positions are refined within their limits. With joints, steps are
+            computed on the host: the call waits for the device once per iteration.
+        object_poses: As for `Renderer.render`. With the name of an object in `moving`, these are the
+            initial poses. Not with joints in `moving`.
         world_index: As for `Renderer.render`.
-        joint_positions: Values of the scene's joints, which replace `object_poses`: as for `JointTree.link_poses`.
+        joint_positions: Values of the scene's joints, which replace `object_poses`: as for `JointTree.link_poses`. With
+            joints in `moving`, these are the initial positions.
         exclude: As for `Renderer.render`.
         huber: Number of standard deviations above which residuals have less weight; ``math.inf`` for least squares.
         max_distance: Distance between measured point and rendered surface up to which a pixel is used [m]. It should be
@@ -91,19 +98,27 @@ def register(
     Raises:
         ArrayError: If `depth` or an option is invalid.
         PoseError: If poses are invalid.
-        SceneError: If `moving` is not a movable object.
+        SceneError: If `moving` is not a movable object, or has joints that are not revolute, continuous or prismatic,
+            or that move no object.
     """
     require_scene(scene).require_objects()
     if not isinstance(camera, AnyCamera):
         raise CameraError(f"camera must be a warpvis.Camera or another camera, got {type(camera).__name__}")
     axes = camera.axes if convention is None else convention
-    column = _column(scene, moving)
-    if joint_positions is not None:
-        if object_poses is not None:
-            raise ArrayError("joint_positions must be None if object_poses are given")
-        object_poses = scene.joints.poses(joint_positions)
+    names = _joint_names(moving)
+    column = _column(scene, moving) if isinstance(moving, str) else -1
+    if joint_positions is not None and object_poses is not None:
+        raise ArrayError("joint_positions must be None if object_poses are given")
+    if names and object_poses is not None:
+        raise ArrayError("object_poses must be None if joints move; give joint_positions")
+    joints = MovingJoints(scene.joints, names, joint_positions) if names else None
     rows = to_xyzw(camera_to_world, quaternion, "camera_to_world")
-    object_poses = to_xyzw(object_poses, quaternion, "object_poses")
+    if joints is not None:
+        object_poses = joints.poses
+    elif joint_positions is not None:
+        object_poses = scene.joints.poses(joint_positions)
+    else:
+        object_poses = to_xyzw(object_poses, quaternion, "object_poses")
     device, threads = scene.device, check_threads(threads)
     poses = parse_poses(rows, convention=axes, device=device)
     images = _read_depth(depth, camera, device)
@@ -125,14 +140,30 @@ def register(
         warn_of_order(camera_to_world, axes)
 
     columns = pose_columns(scene)
+    if joints is not None:
+        bodies = joints.bodies()
+        columns = np.where(columns < 0, -1, bodies[columns])
+        sums = DepthSums(scene, camera, images, sigmas, weighting, threads, columns, sorted({*bodies.tolist()} - {-1}))
+        return JointSolver(sums, joints, poses, worlds, tolerance, iterations).run(axes)
     sums = DepthSums(scene, camera, images, sigmas, weighting, threads, columns, [column])
     return PoseSolver(sums, tolerance, iterations).run(poses, worlds, axes)
 
 
-def _column(scene: Scene, moving: object) -> int:
+def _joint_names(moving: object) -> tuple[str, ...]:
+    """Return names of joints, none if `moving` is a string."""
+    if isinstance(moving, str):
+        return ()
+    names = tuple(moving) if isinstance(moving, list | tuple) else ()
+    if not names or not all(isinstance(name, str) for name in names):
+        raise SceneError(
+            'moving must be "camera", the name of a movable object or a list of names of joints, '
+            f"got {truncate(repr(moving))}"
+        )
+    return names
+
+
+def _column(scene: Scene, moving: str) -> int:
     """Return the column of a movable object in object poses, -1 for the camera."""
-    if not isinstance(moving, str):
-        raise SceneError(f'moving must be "camera" or the name of a movable object, got {moving!r}')
     if moving == "camera":
         return -1
     column = int(pose_columns(scene)[scene.index(moving)])

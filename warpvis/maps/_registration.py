@@ -17,11 +17,13 @@ class Registration:
     """Registered poses of V views or hypotheses: `wp.array`s on the scene's device.
 
     Twists are (rotation [rad], translation [m]) in the world frame: a small twist ``(r, t)`` moves the camera or the
-    object by the rotation r about its own origin and the translation t, both along the axes of the world.
+    object by the rotation r about its own origin and the translation t, both along the axes of the world. If J joints
+    were moved, their positions replace the twist: `covariance` and `H` have shape ``(V, J, J)``, and `b` ``(V, J)``.
     """
 
     poses: wp.array
-    """Poses of the camera in the given convention, or of the moved object, to world, shape ``(V,)`` transform."""
+    """Poses of the camera in the given convention, or of the moved object, to world, shape ``(V,)`` transform. If
+    joints were moved, the given poses of the camera."""
     covariance: wp.array
     """Covariance of the twist, the inverse of `H`, ``(V, 6, 6)`` float64; +inf if depth does not determine the pose."""
     H: wp.array
@@ -41,7 +43,10 @@ class Registration:
     iterations: wp.array
     """Number of steps, ``(V,)`` int32."""
     object_poses: wp.array | None = None
-    """If an object was moved: poses of all movable objects, ``(V, M)`` transform."""
+    """If an object or joints were moved: poses of all movable objects, ``(V, M)`` transform."""
+    joint_positions: wp.array | None = None
+    """If joints were moved: their positions [rad, m] in the order of `moving`, ``(V, J)`` float64. The variance of a
+    joint whose links are invisible is +inf."""
 
     @cached_property
     def inlier_ratio(self) -> NDArray[np.float64]:

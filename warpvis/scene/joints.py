@@ -296,6 +296,11 @@ class SceneJoints(JointTree):
         super().__init__(tree, tree._root_poses)
         self._columns, self._initial = [link or "" for link in links], poses_to_matrices(initial)
 
+    @property
+    def column_links(self) -> tuple[str, ...]:
+        """Names of the links of the movable objects, the columns of `poses`; "" for objects without a link."""
+        return tuple(self._columns)
+
     def poses(self, values: JointValues | None = None, *, check_limits: bool = True) -> NDArray[np.float32]:
         """Return the poses of the movable objects, which `Renderer.render` accepts as ``object_poses``.
 
