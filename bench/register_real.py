@@ -5,6 +5,8 @@
 ``python bench/register_real.py SCENE --models MODEL.ply`` reads a scene folder of a BOP dataset (depth images,
 ``scene_gt.json``, ``scene_camera.json``), and refines the pose of the object in every image, from the given pose
 perturbed by 2 degrees and 2 cm, and by 5 degrees and 5 cm. Depth is cut to a box around the object's true pose.
+A folder without ``scene_gt.json`` is a recording of `wv.open_recording`: the camera's poses of every tenth frame are
+refined in a mesh in meters, which was fused from other frames.
 The tables have median errors relative to the given poses, which have errors themselves; depth residuals, medians of
 absolute differences between measured and rendered depth, tell which poses agree better with the measurement.
 """
@@ -24,6 +26,7 @@ from PIL import Image
 from registration import METHODS, Problem, errors, perturb, successes
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 
 PERTURBATIONS = ((2.0, 0.02), (5.0, 0.05))
 """Degrees and meters."""
@@ -61,6 +64,19 @@ def near_box(
     return np.where(is_inside, depth, np.float32(np.nan))
 
 
+def recording_problems(folder: Path, mesh: Path, distance: float) -> Iterator[Problem]:
+    """Yield a problem for every tenth frame, from the second, with images of a quarter of the size."""
+    recording, surface = wv.open_recording(folder), trimesh.load_mesh(mesh, process=False)
+    camera, scene = recording.camera, wv.Scene()
+    scene.add((surface.vertices, surface.faces), name="fused")
+    numbers = [n / 4 for n in (camera.fx, camera.fy, camera.cx, camera.cy)]
+    small = wv.Camera(camera.width // 4, camera.height // 4, *numbers, near=0.05, far=5.0)
+    for frame in list(recording.posed())[1::10]:
+        # The pixel at index 4 i + 2 has its center at 4 i + 2.5, half a pixel from that of pixel i of the small image.
+        depth = np.ascontiguousarray(frame.depth[2::4, 2::4])
+        yield Problem(scene, small, depth, poses_to_matrices(np.reshape(frame.camera_to_world, (1, 7)))[0], distance)
+
+
 def residual(problem: Problem, pose: NDArray[np.float64]) -> float:
     """Return the median absolute difference of measured and rendered depth [m], of pixels that have both."""
     rendered = wv.render(problem.scene, problem.camera, pose, outputs=("depth",)).depth.numpy()[0]
@@ -82,13 +98,15 @@ def main() -> None:
     """Print a table for each perturbation."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--models", type=Path, required=True, help="the mesh of the object, in millimeters")
+    parser.add_argument("--models", type=Path, required=True, help="the mesh, in millimeters for BOP")
     parser.add_argument("--starts", type=int, default=20, help="for each image")
     parser.add_argument("--iterations", type=int, default=30)
     parser.add_argument("--distance", type=float, default=0.1)
     parser.add_argument("--points", type=int, default=200_000)
     arguments = parser.parse_args()
-    problems = list(bop_problems(arguments.folder, arguments.models, arguments.distance))
+    is_bop = (arguments.folder / "scene_gt.json").is_file()
+    read = bop_problems if is_bop else recording_problems
+    problems = list(read(arguments.folder, arguments.models, arguments.distance))
     print(describe(("warpvis", "open3d", "small_gicp")))
     residuals = [residual(problem, problem.truth) for problem in problems]
     print(f"{len(problems)} images, median residual at the given poses: {1e3 * np.median(residuals):.1f} mm")
