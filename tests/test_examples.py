@@ -52,6 +52,10 @@ SAYS = {
     "mujoco_rollout.py": r"160 depth images of 8 rollouts\nwhere the bob is in the first rollout, in columns: \[\d+, ",
     "place_cameras.py": r"1584 candidates, 6150 targets, 120 worlds\n"
     r"chosen: \[3, .*objective 0\.89\d, at most 0\.96\d\ntwo cameras see 8\d",
+    "refine_pose.py": r"before +5\.0\d degrees +50\.0 mm\nAdam +0\.[0-3]\d degrees +\d\.\d mm\n"
+    r"wv.register +0\.[01]\d degrees +[0-5]\.\d mm",
+    "calibrate_intrinsics.py": r"(?s)fx +56.0000 +58.8000 +5\d\.\d{4} +\d\.\de-0[4-7].*fy .* \d\.\de-0[4-7] "
+    r".*k2 +0\.0300 +0\.0285 ",
     "rooms.py": r"6 rooms in rooms\.png",
     "people.py": r"16 people in people\.png",
     "randomized_worlds.py": r"12 worlds in randomized_worlds\.png",
