@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Registration:
-    """Registered poses of V views or hypotheses: `wp.array`s on the scene's device.
+    """Registered poses of V views or hypotheses, as arrays of Warp on the scene's device.
 
     Twists are (rotation [rad], translation [m]) in the world frame: a small twist ``(r, t)`` moves the camera or the
     object by the rotation r about its own origin and the translation t, both along the axes of the world. If J joints
