@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary, finalize, ref
@@ -22,6 +23,7 @@ from warpvis.rendering._choices import CasterName, Output
 from warpvis.rendering._renderer import Renderer
 from warpvis.rendering._views import as_views, pixel_type
 from warpvis.rendering.color_gradients import ColorGradients
+from warpvis.rendering.coverage import Coverage, other_objects
 from warpvis.rendering.gradients import NEEDED_IMAGES, DepthGradients, Zeros
 from warpvis.scene import Scene, require_scene
 from warpvis.scene.worlds import parse_worlds
@@ -87,14 +89,18 @@ class DifferentiableRenderer:
         self._colors = ColorGradients(scene, threads=threads, zeros=zeros)
         self._renderer(("depth",))  # checks the arguments
 
-    def render(self, inputs: Inputs, images: Mapping[str, wp.array]) -> None:
-        """Render into images of ``(V, *camera.shape)``, by name; moves the vertices of the deforming objects first."""
+    def render(self, inputs: Inputs, images: Mapping[str, wp.array], *, only: Sequence[str] | None = None) -> None:
+        """Render into images of ``(V, *camera.shape)``, by name; moves the vertices of the deforming objects first.
+
+        `only` are the names of the rendered objects, by default all.
+        """
         for name, vertices in zip(self.deforming, inputs.vertices, strict=True):
             self.scene.update_vertices(name, vertices)
         self._renderer(tuple(images)).render(
             inputs.poses,
             object_poses=inputs.object_poses,
             world_index=inputs.world_index,
+            exclude=None if only is None else other_objects(self.scene, only),
             convention=self.camera.axes,
             out=as_views(images),
         )
@@ -130,6 +136,23 @@ class DifferentiableRenderer:
     def silhouettes(self, poses: wp.array, images: Mapping[str, wp.array]) -> wp.array:
         """Return the mask of pixels beside silhouettes, as `DepthGradients.silhouettes` does."""
         return self._gradients.silhouettes(poses, images)
+
+    def areas(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...]) -> wp.array:
+        """Return areas of objects, as `Coverage.areas` does."""
+        return self._coverage.areas(names, inputs.poses, self._worlds(inputs), images)
+
+    def area_gradients(
+        self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], weights: wp.array
+    ) -> tuple[wp.array, list[wp.array]]:
+        """Return gradients of areas with respect to poses and vertices, as `Coverage.gradients` does."""
+        vertices = dict(zip(self.deforming, inputs.vertices, strict=True))
+        worlds = self._worlds(inputs)
+        of_poses, found = self._coverage.gradients(names, inputs.poses, worlds, images, weights, vertices)
+        return of_poses, [found[name] for name in self.deforming]
+
+    @cached_property
+    def _coverage(self) -> Coverage:
+        return Coverage(self.scene, self.camera, threads=self._options["threads"], zeros=self._zeros)
 
     def with_parameters(self, values: NDArray[np.float64]) -> DifferentiableRenderer:
         """Return the renderer of the camera with other values of its parameters; that of the last values is cached."""

@@ -7,11 +7,21 @@
 >>> images = warpvis.torch.render(scene, camera, poses, outputs=("depth", "normals"))
 >>> images.depth[images.depth.isfinite()].sum().backward()
 
-Gradients are those of the seen surfaces; silhouettes do not contribute (`silhouette_mask`).
+Gradients are those of the seen surfaces; silhouettes do not contribute (`silhouette_mask`), except to
+`coverage` and `visible_fraction`.
 """
 
+from warpvis.torch._coverage import coverage, visible_fraction
 from warpvis.torch._poses import apply_twists, matrices_to_rows
 from warpvis.torch._render import Images, render
 from warpvis.torch._silhouettes import silhouette_mask
 
-__all__ = ["Images", "apply_twists", "matrices_to_rows", "render", "silhouette_mask"]
+__all__ = [
+    "Images",
+    "apply_twists",
+    "coverage",
+    "matrices_to_rows",
+    "render",
+    "silhouette_mask",
+    "visible_fraction",
+]

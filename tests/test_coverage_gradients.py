@@ -1,0 +1,205 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Areas and visible fractions with gradients: against a twin, finer images, and an optimization."""
+
+import numpy as np
+import pytest
+import reference_soft_visibility as twin
+import torch
+import trimesh
+
+import warpvis as wv
+import warpvis.torch as wt
+from warpvis.rendering.coverage import find_neighbors
+from warpvis.scene import solids
+from warpvis.torch._coverage import _measure
+from warpvis.torch._render import _number
+
+from support.gradients import CAMERAS, OBJECT_ROWS, ROW, build_scene
+
+WITH_IMAGES = [name for name in CAMERAS if name != "lidar"]
+
+
+def tensor(values, device, *, requires_grad=False):
+    made = torch.tensor(np.asarray(values), dtype=torch.float32, device=device.replace("cpu:0", "cpu"))
+    return made.requires_grad_(requires_grad)
+
+
+@pytest.mark.parametrize("names", [("stone",), ("box", "stone"), ("wall",)], ids="-".join)
+@pytest.mark.parametrize("name", WITH_IMAGES)
+def test_areas_and_gradients_match_twin(name, names, device):
+    """Of objects in front and of one that others hide, by the distance of edges from pixel centers."""
+    scene, camera = build_scene(device), CAMERAS[name]
+    poses, objects = tensor(ROW[None], device, requires_grad=True), tensor(OBJECT_ROWS, device, requires_grad=True)
+    stone = tensor(scene.objects[2].mesh_vertices, device, requires_grad=True)
+    area = wt.coverage(scene, camera, poses, names, object_poses=objects, vertices={"stone": stone})
+    area.sum().backward()
+    outputs = ("segmentation", "faces")
+    views = wv.render(scene, camera, np.float32(ROW[None]), object_poses=np.float32(OBJECT_ROWS[None]), outputs=outputs)
+    images = {key: getattr(views, key).numpy()[0] for key in outputs}
+    rows = np.float32(ROW).astype(np.float64), np.float32(OBJECT_ROWS).astype(np.float64)
+    targets = [scene.index(chosen) for chosen in names]
+    reference = build_scene()
+    assert area.item() == pytest.approx(twin.sum_coverage(camera, reference, images, targets, *rows), rel=1e-5)
+    expected = twin.sum_coverage_gradients(camera, reference, images, targets, *rows, "stone")
+    got = torch.cat([value.grad.flatten() for value in (poses, objects, stone)]).cpu().numpy()
+    for part in (np.s_[:7], np.s_[7:21], np.s_[21:]):
+        np.testing.assert_allclose(got[part], expected[part], rtol=0, atol=1e-4 * np.abs(expected).max())
+
+
+def hidden_scene(device="cpu"):
+    """Return a ball behind a box that hides most of it."""
+    scene = wv.Scene(device=device)
+    scene.add(
+        trimesh.creation.icosphere(subdivisions=3, radius=0.4), name="ball", pose=(3, 0, 0, 0, 0, 0, 1), movable=True
+    )
+    scene.add(trimesh.creation.box(extents=(0.4, 1.0, 2.0)), name="box", pose=(1.5, 0.38, 0, 0, 0, 0, 1), movable=True)
+    return scene
+
+
+START = np.array([*(0, 0, 0.05), *wv.look_at((0, 0, 0.05), (3, 0, 0)).reshape(-1)[3:7]])
+FINE = 8
+
+
+def true_area(camera_size, row, object_rows):
+    """Return the area in pixels, measured in an image of 8 times the resolution."""
+    camera = wv.Camera.from_fov(camera_size[0] * FINE, camera_size[1] * FINE, hfov=0.6)
+    views = wv.render(hidden_scene(), camera, row[None], object_poses=object_rows[None], outputs="segmentation")
+    return (views.segmentation.numpy() == 0).sum() / FINE**2
+
+
+def test_gradient_agrees_with_areas_of_finer_images():
+    """To 5 % of the largest component, for moves of camera and objects by 2 cm and rotations by 0.02 rad."""
+    size, step = (120, 90), 0.02
+    camera, scene = wv.Camera.from_fov(*size, hfov=0.6), hidden_scene()
+    base = np.array([scene.objects[0].pose, scene.objects[1].pose], dtype=np.float64)
+    twists = torch.zeros(3, 6, requires_grad=True)
+    moved = wt.apply_twists(tensor(np.concatenate([START[None], base]), "cpu"), twists)
+    area = wt.coverage(scene, camera, moved[:1], "ball", object_poses=moved[1:])
+    assert area.item() == pytest.approx(true_area(size, START, base), rel=0.01)
+    area.sum().backward()
+    expected = np.zeros((3, 6))
+    for k, axis in np.ndindex(3, 6):
+        values = []
+        for sign in (1, -1):
+            twist = torch.zeros(3, 6, dtype=torch.float64)
+            twist[k, axis] = sign * step
+            rows = wt.apply_twists(torch.tensor(np.concatenate([START[None], base])), twist).numpy()
+            values.append(true_area(size, rows[0], rows[1:]))
+        expected[k, axis] = (values[0] - values[1]) / (2 * step)
+    np.testing.assert_allclose(twists.grad.numpy(), expected, rtol=0, atol=0.05 * np.abs(expected).max())
+
+
+def test_ascent_shows_a_hidden_object(device):
+    """A camera moves from where a box hides most of a ball to where it is visible."""
+    scene, camera = hidden_scene(device), wv.Camera.from_fov(60, 45, hfov=0.7)
+    rows = tensor(START[None], device)
+    moves = torch.zeros(1, 3, device=rows.device, requires_grad=True)
+    optimizer = torch.optim.Adam([moves], lr=0.02)
+    fractions = []
+    for _ in range(60):
+        optimizer.zero_grad()
+        poses = torch.cat([rows[:, :3] + moves, rows[:, 3:]], dim=1)
+        fraction = wt.visible_fraction(scene, camera, poses, "ball")
+        fractions.append(fraction.item())
+        (-fraction).sum().backward()
+        optimizer.step()
+    assert fractions[0] < 0.3
+    assert max(fractions) > 0.9
+
+
+def test_fractions_are_those_of_what_hides(device):
+    """1 in front, 0 with the gradient 0 behind a wall or outside of the image."""
+    scene = wv.Scene(device=device)
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
+    for name, x, y in (("front", 1.5, 0), ("behind", 3, 0), ("outside", 1.5, 5)):
+        scene.add(ball, name=name, pose=(x, y, 0, 0, 0, 0, 1), movable=True)
+    scene.add(trimesh.creation.box(extents=(0.1, 4, 4)), name="wall", pose=(2, 0, 0, 0, 0, 0, 1))
+    camera, poses = wv.Camera.from_fov(40, 30, hfov=0.8), tensor(wv.look_at((0, 0, 0), (1, 0, 0)).reshape(1, 7), device)
+    for name, expected in (("front", 1.0), ("behind", 0.0), ("outside", 0.0)):
+        poses = poses.detach().requires_grad_()
+        fraction = wt.visible_fraction(scene, camera, poses, name)
+        fraction.sum().backward()
+        assert fraction.tolist() == [pytest.approx(expected, abs=1e-6)]
+        if not expected:
+            assert not poses.grad.any()
+
+
+def test_worlds_share_gradients_of_their_views(device):
+    scene, camera = hidden_scene(device), wv.Camera.from_fov(40, 30, hfov=0.7)
+    base = np.array([scene.objects[0].pose, scene.objects[1].pose])
+    worlds = np.stack([base, base + [0, 0.1, 0, 0, 0, 0, 0]])
+    objects, poses = tensor(worlds, device, requires_grad=True), tensor(np.repeat(START[None], 3, axis=0), device)
+    index = torch.tensor([1, 0, 1], device=poses.device)
+    areas = wt.coverage(scene, camera, poses, "ball", object_poses=objects, world_index=index)
+    areas.sum().backward()
+    for world, views in enumerate((1, 2)):
+        single = tensor(worlds[world], device, requires_grad=True)
+        area = wt.coverage(scene, camera, poses[:1], "ball", object_poses=single)
+        area.sum().backward()
+        assert area.item() == pytest.approx(areas[1 - world].item(), rel=1e-6)
+        torch.testing.assert_close(objects.grad[world], views * single.grad, rtol=1e-5, atol=1e-4)
+
+
+def test_compiled_function_has_the_same_gradient(device):
+    scene, camera = hidden_scene(device), CAMERAS["pinhole"]
+
+    def measure(poses):
+        return wt.visible_fraction(scene, camera, poses, "ball").sum()
+
+    found = []
+    for function in (measure, torch.compile(measure, fullgraph=True, backend="aot_eager")):
+        poses = tensor(START[None], device, requires_grad=True)
+        function(poses).backward()
+        found.append(poses.grad)
+    torch.testing.assert_close(found[1], found[0], rtol=1e-6, atol=1e-6)
+
+
+def test_operator_passes_torch_checks():
+    scene, poses = hidden_scene(), tensor(START[None], "cpu", requires_grad=True)
+    arguments = (poses, None, None, [], [0], _number(scene, CAMERAS["pinhole"], (), "auto", None), True)
+    checks = ("test_schema", "test_autograd_registration", "test_faketensor")
+    torch.library.opcheck(_measure, arguments, test_utils=checks)
+
+
+def test_areas_follow_changed_vertices(device):
+    """Tables of the mesh have the newest vertices, and those of the scene after objects were added."""
+    scene, camera, poses = hidden_scene(device), CAMERAS["pinhole"], tensor(START[None], device)
+    before = wt.coverage(scene, camera, poses, "ball", occluded=False)
+    scene.update_vertices("ball", 0.5 * scene.objects[0].mesh_vertices)
+    half = wt.coverage(scene, camera, poses, "ball", occluded=False)
+    assert 0.2 < (half / before).item() < 0.3
+    scene.add(trimesh.creation.box(extents=(0.1, 4, 4)), name="wall", pose=(1, 0, 0, 0, 0, 0, 1))
+    assert wt.coverage(scene, camera, poses, "ball").item() == 0
+
+
+def test_neighbors_of_split_vertices_and_open_meshes():
+    """Vertices at the same place are one; an edge of one triangle or of three has no neighbor."""
+    corners = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1]])
+    square = np.array([[0, 1, 2], [3, 4, 5]])
+    np.testing.assert_array_equal(find_neighbors(corners, square), [[-1, 1, -1], [-1, -1, 0]])
+    fan = np.array([[0, 1, 2], [3, 4, 5], [1, 2, 6]])
+    assert (find_neighbors(corners, fan) == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"names": "cup"}, "the scene has no object 'cup'"),
+        ({"names": ()}, "names must contain at least one object, got none"),
+        ({"camera": CAMERAS["lidar"]}, "camera must have pixels with neighbors for areas of objects, got a list"),
+        ({"poses": torch.zeros(1, 6)}, r"poses must have shape \(V, 7\)"),
+        ({"vertices": {"ball": torch.zeros(3)}}, "vertices of 'ball' must be a float32 torch.Tensor"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_sentence(change, message):
+    arguments = {"camera": CAMERAS["pinhole"], "poses": tensor(START[None], "cpu"), "names": "ball", **change}
+    with pytest.raises(wv.WarpvisError, match=message):
+        wt.visible_fraction(hidden_scene(), **arguments)
+
+
+def test_round_solids_are_an_error():
+    scene = hidden_scene()
+    scene.add(solids.sphere(0.1), name="round", pose=(1, 1, 1, 0, 0, 0, 1), movable=True)
+    with pytest.raises(wv.WarpvisError, match=r"scene must contain only meshes for areas of objects, got .* 'round'"):
+        wt.coverage(scene, CAMERAS["pinhole"], tensor(START[None], "cpu"), "ball")

@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
+# SPDX-License-Identifier: Apache-2.0
+"""Areas and visible fractions of objects in images, with gradients by antialiased boundaries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from warpvis.cameras.base import AnyCamera
+from warpvis.core.checks import as_items
+from warpvis.errors import CameraError, SceneError
+from warpvis.rendering.coverage import COVERAGE_IMAGES
+from warpvis.rendering.differentiable import numbered_renderer
+from warpvis.scene import Scene
+from warpvis.torch._cast import _add_worlds, as_array, as_images, as_inputs, on_stream
+from warpvis.torch._poses import as_rows
+from warpvis.torch._render import _check_tensors, _check_vertices, _number
+
+
+def coverage(
+    scene: Scene,
+    camera: AnyCamera,
+    poses: Tensor,
+    names: str | Sequence[str],
+    *,
+    object_poses: Tensor | None = None,
+    world_index: Tensor | None = None,
+    vertices: Mapping[str, Tensor] | None = None,
+    occluded: bool = True,
+) -> Tensor:
+    """Return the area of objects in the image of every pose [px], with gradients to poses and vertices.
+
+    It is the number of pixels that see the objects, where pixels at their boundary count in part, by the mesh edge
+    between the pixel centers. Gradients flow to the cameras, to the objects, and to the objects that hide them. An
+    object that no pixel sees has the gradient 0, and boundaries at which surfaces intersect contribute none.
+
+    Args:
+        scene: A scene of meshes, on the device of the tensors.
+        camera: A camera with an image, not a list of rays.
+        poses: Camera to world, as for `render`, ``(V, 7)``, ``(7,)``, ``(V, 4, 4)`` or ``(4, 4)``.
+        names: An object, or several whose areas are added.
+        object_poses: Poses of the movable objects, as for `render`.
+        world_index: World of each view, as for `render`.
+        vertices: Vertices of movable objects, as for `render`.
+        occluded: Whether other objects hide them; if not, only the objects themselves are rendered.
+
+    Returns:
+        Areas, ``(V,)`` float32.
+
+    Raises:
+        ArrayError: If a tensor has the wrong shape or dtype or is not on the scene's device.
+        CameraError: If the camera is a list of rays.
+        SceneError: If the scene has no object of a name, or contains round solids.
+    """
+    vertices = {} if vertices is None else vertices
+    number = _number(scene, camera, tuple(vertices), "auto", None)
+    listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
+    indices = [scene.index(name) for name in listed]
+    if not indices:
+        raise SceneError("names must contain at least one object, got none")
+    if len(camera.shape) == 1:
+        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
+    rows = as_rows(poses, "poses", ("V",))
+    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    _check_vertices(vertices)
+    _check_tensors(number, [rows, object_rows, world_index, *vertices.values()])
+    areas, *_ = _measure(rows, object_rows, world_index, list(vertices.values()), indices, number, occluded)
+    return areas
+
+
+def visible_fraction(
+    scene: Scene,
+    camera: AnyCamera,
+    poses: Tensor,
+    names: str | Sequence[str],
+    *,
+    object_poses: Tensor | None = None,
+    world_index: Tensor | None = None,
+    vertices: Mapping[str, Tensor] | None = None,
+) -> Tensor:
+    """Return the visible fraction of objects in the image of every pose, with gradients to poses and vertices.
+
+    It is the `coverage` of the objects over their coverage if nothing hid them; parts outside of the image do not
+    count. If they are outside or entirely hidden, it is 0 with the gradient 0.
+
+    The arguments are those of `coverage`.
+
+    Returns:
+        Fractions, ``(V,)`` float32.
+
+    >>> hidden = 1 - warpvis.torch.visible_fraction(scene, camera, poses, "mug")
+    >>> hidden.sum().backward()
+    """
+    options: dict[str, Any] = {"object_poses": object_poses, "world_index": world_index, "vertices": vertices}
+    seen = coverage(scene, camera, poses, names, **options)
+    alone = coverage(scene, camera, poses, names, occluded=False, **options)
+    return torch.where(alone > 0, seen / torch.where(alone > 0, alone, 1.0), 0.0)
+
+
+@torch.library.custom_op("warpvis::coverage", mutates_args=())
+def _measure(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    indices: list[int],
+    number: int,
+    occluded: bool,
+) -> list[Tensor]:
+    """Return areas, and the images that gradients are computed from."""
+    renderer = numbered_renderer(number)
+    shape = len(rows), *renderer.camera.shape
+    images = [torch.empty(shape, dtype=torch.int32, device=rows.device) for _ in COVERAGE_IMAGES]
+    names = tuple(renderer.scene.objects[index].name for index in indices)
+    with on_stream(rows.device):
+        inputs, shown = as_inputs(rows, object_rows, world_index, vertices), as_images(COVERAGE_IMAGES, images)
+        renderer.render(inputs, shown, only=None if occluded else names)
+        areas = wp.to_torch(renderer.areas(inputs, shown, names))
+        return [areas.sum(dim=1).to(torch.float32), *images]
+
+
+@_measure.register_fake
+def _(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    indices: list[int],
+    number: int,
+    occluded: bool,
+) -> list[Tensor]:
+    shape = len(rows), *numbered_renderer(number).camera.shape
+    images = [rows.new_empty(shape, dtype=torch.int32) for _ in COVERAGE_IMAGES]
+    return [rows.new_empty(len(rows)), *images]
+
+
+@torch.library.custom_op("warpvis::coverage_backward", mutates_args=())
+def _measure_backward(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    images: list[Tensor],
+    of_areas: Tensor,
+    indices: list[int],
+    number: int,
+) -> list[Tensor]:
+    """Return gradients with respect to the rows of cameras and objects, and to vertices."""
+    renderer = numbered_renderer(number)
+    names = tuple(renderer.scene.objects[index].name for index in indices)
+    with on_stream(rows.device):
+        inputs, shown = as_inputs(rows, object_rows, world_index, vertices), as_images(COVERAGE_IMAGES, images)
+        weights = as_array(of_areas.to(torch.float64), wp.float64)
+        found, of_vertices = renderer.area_gradients(inputs, shown, names, weights)
+        of_poses = wp.to_torch(found)
+        results = [of_poses[:, 0].clone()]
+        if object_rows is not None:
+            results.append(_add_worlds(of_poses[:, 1:], object_rows, world_index))
+        return [*results, *(wp.to_torch(array).to(torch.float32) for array in of_vertices)]
+
+
+@_measure_backward.register_fake
+def _(
+    rows: Tensor,
+    object_rows: Tensor | None,
+    world_index: Tensor | None,
+    vertices: list[Tensor],
+    images: list[Tensor],
+    of_areas: Tensor,
+    indices: list[int],
+    number: int,
+) -> list[Tensor]:
+    return [tensor.new_empty(tensor.shape) for tensor in (rows, object_rows, *vertices) if tensor is not None]
+
+
+def _save_for_backward(ctx: Any, inputs: tuple[Any, ...], output: list[Tensor]) -> None:
+    rows, object_rows, world_index, vertices, ctx.indices, ctx.number, _ = inputs
+    ctx.save_for_backward(rows, object_rows, world_index, *vertices, *output[1:])
+    ctx.vertices = len(vertices)
+
+
+def _backward(ctx: Any, gradients: list[Tensor]) -> tuple[Any, ...]:
+    rows, object_rows, world_index, *rest = ctx.saved_tensors
+    vertices, images = list(rest[: ctx.vertices]), list(rest[ctx.vertices :])
+    results = iter(
+        _measure_backward(
+            rows, object_rows, world_index, vertices, images, gradients[0].contiguous(), ctx.indices, ctx.number
+        )
+    )
+    of_rows = next(results)
+    of_objects = None if object_rows is None else next(results)
+    return of_rows, of_objects, None, list(results), None, None, None
+
+
+_measure.register_autograd(_backward, setup_context=_save_for_backward)
