@@ -195,7 +195,12 @@ from reference_silhouettes import (  # noqa: F401
 )
 from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # noqa: F401
 from reference_sky import paint_sky, paint_sky_rows  # noqa: F401
-from reference_soft_visibility import mark_silhouettes, sum_coverage, sum_coverage_gradients  # noqa: F401
+from reference_soft_visibility import (  # noqa: F401
+    mark_silhouettes,
+    sum_coverage,
+    sum_coverage_gradients,
+    write_masks,
+)
 from reference_stereo import (  # noqa: F401
     measure_stereo,
     place_in_other_eyes,

@@ -140,6 +140,23 @@ class Crossings:
             total += a / (a - b) - 0.5
         return total
 
+    def masks(self, seen, targets):
+        """Return the share of each pixel with the edges of these vertices, and the pixels of the edges."""
+        masks, pixels = np.isin(self.segmentation, targets).astype(np.float64), []
+        for target, other, index, i, j in self.found:
+            point, edge = seen[index][i], seen[index][j] - seen[index][i]
+            a = _sides(point, edge, self.rays[target], self.origins[target])
+            b = _sides(point, edge, self.rays[other], self.origins[other])
+            pixels.append(other if a / (a - b) > 0.5 else target)
+            masks[pixels[-1]] += a / (a - b) - 0.5
+        return masks, pixels
+
+
+def write_masks(camera, scene, images, targets, row, object_rows) -> NDArray[np.float64]:
+    """Return the share of each pixel that objects cover in a view."""
+    seen = seen_vertices(scene, row, object_rows)
+    return Crossings(camera, scene, images, targets, seen).masks(seen, targets)[0]
+
 
 def sum_coverage(camera, scene, images, targets, row, object_rows) -> float:
     """Return the area of objects in a view [px]."""

@@ -47,6 +47,53 @@ def test_areas_and_gradients_match_twin(name, names, device):
         np.testing.assert_allclose(got[part], expected[part], rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("name", WITH_IMAGES)
+def test_masks_match_twin(name, device):
+    """Their weighted sum has the gradient of central differences."""
+    scene, camera, rng = build_scene(device), CAMERAS[name], np.random.default_rng(0)
+    poses, objects = tensor(ROW[None], device, requires_grad=True), tensor(OBJECT_ROWS, device, requires_grad=True)
+    mask = wt.soft_mask(scene, camera, poses, ("box", "stone"), object_poses=objects)
+    weights = rng.uniform(-1, 1, mask.shape[1:])
+    (mask[0] * tensor(weights, device)).sum().backward()
+    outputs = ("segmentation", "faces")
+    views = wv.render(scene, camera, np.float32(ROW[None]), object_poses=np.float32(OBJECT_ROWS[None]), outputs=outputs)
+    images = {key: getattr(views, key).numpy()[0] for key in outputs}
+    base = np.float32(np.concatenate([ROW, OBJECT_ROWS.ravel()])).astype(np.float64)
+    expected = twin.write_masks(camera, scene, images, [2, 3], base[:7], base[7:].reshape(2, 7))
+    np.testing.assert_allclose(mask[0].detach().cpu().numpy(), expected, atol=1e-4)
+    area = wt.coverage(scene, camera, poses, ("box", "stone"), object_poses=objects)
+    assert mask.sum().item() == pytest.approx(area.item(), rel=1e-5)
+    seen = lambda row: twin.seen_vertices(scene, row[:7], row[7:].reshape(2, 7))  # noqa: E731
+    crossings, step, slopes = twin.Crossings(camera, scene, images, [2, 3], seen(base)), 1e-6, []
+    for change in step * np.eye(len(base)):
+        up, down = (crossings.masks(seen(base + sign * change), [2, 3])[0] for sign in (1, -1))
+        slopes.append((weights * (up - down)).sum() / (2 * step))
+    got = torch.cat([poses.grad.flatten(), objects.grad.flatten()]).cpu().numpy()
+    np.testing.assert_allclose(got, slopes, rtol=0, atol=2e-4 * np.abs(slopes).max())
+
+
+def test_object_moves_to_a_mask(device):
+    """Intersection over union with the mask of another position grows."""
+    scene, camera = hidden_scene(device), wv.Camera.from_fov(60, 45, hfov=0.7)
+    poses = tensor(START[None], device)
+    base = tensor([item.pose for item in scene.objects], device)
+    target = base + tensor([[0, -0.25, 0.15, 0, 0, 0, 0], [0] * 7], device)
+    measured = wt.soft_mask(scene, camera, poses, "ball", object_poses=target, occluded=False).round()
+    ratios = []
+    move = torch.zeros(2, 3, device=poses.device, requires_grad=True)
+    optimizer = torch.optim.Adam([move], lr=0.02)
+    for _ in range(60):
+        optimizer.zero_grad()
+        objects = torch.cat([base[:, :3] + move, base[:, 3:]], dim=1)
+        mask = wt.soft_mask(scene, camera, poses, "ball", object_poses=objects, occluded=False)
+        ratio = (mask * measured).sum() / (mask + measured - mask * measured).sum()
+        ratios.append(ratio.item())
+        (1 - ratio).backward()
+        optimizer.step()
+    assert ratios[0] < 0.7
+    assert ratios[-1] > 0.9
+
+
 def hidden_scene(device="cpu"):
     """Return a ball behind a box that hides most of it."""
     scene = wv.Scene(device=device)
@@ -157,7 +204,7 @@ def test_compiled_function_has_the_same_gradient(device):
 
 def test_operator_passes_torch_checks():
     scene, poses = hidden_scene(), tensor(START[None], "cpu", requires_grad=True)
-    arguments = (poses, None, None, [], [0], _number(scene, CAMERAS["pinhole"], (), "auto", None), True)
+    arguments = (poses, None, None, [], [0], _number(scene, CAMERAS["pinhole"], (), "auto", None), True, True)
     checks = ("test_schema", "test_autograd_registration", "test_faketensor")
     torch.library.opcheck(_measure, arguments, test_utils=checks)
 

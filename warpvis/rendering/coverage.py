@@ -25,8 +25,8 @@ from warpvis.scene.worlds import pose_columns
 if TYPE_CHECKING:
     from warpvis.kernels.casting.images import Images
     from warpvis.kernels.casting.worlds import Worlds
-    from warpvis.kernels.gradients.coverage import Surfaces
     from warpvis.kernels.gradients.depth_gradients import RayTable
+    from warpvis.kernels.gradients.silhouette_edges import Surfaces
 
 COVERAGE_IMAGES = ("segmentation", "faces")
 """Images of the render that areas are computed from."""
@@ -81,6 +81,22 @@ class Coverage:
         )
         return areas
 
+    def masks(
+        self, names: tuple[str, ...], camera_to_world: wp.array, worlds: Worlds, images: ImagesByName, out: wp.array
+    ) -> None:
+        """Write the share of each pixel that objects cover, ``(V, H, W)`` float32; arguments as for `areas`."""
+        from warpvis.kernels.gradients.coverage import write_masks
+
+        surfaces, _ = self._current_surfaces({})
+        scene = [surfaces, worlds, self._flags(names)]
+        launch_images(
+            write_masks,
+            out.shape,
+            lambda window: [*scene, self._table, camera_to_world, window, _images(images), out],
+            device=self._scene.device,
+            threads=self._threads,
+        )
+
     def gradients(
         self,
         names: tuple[str, ...],
@@ -90,14 +106,14 @@ class Coverage:
         weights: wp.array,
         vertices: Mapping[str, wp.array],
     ) -> tuple[wp.array, dict[str, wp.array]]:
-        """Return gradients of the sum of areas, weighted by view.
+        """Return gradients of a weighted sum of masks.
 
         Args:
             names: As for `areas`.
             camera_to_world: As for `areas`.
             worlds: As for `areas`.
             images: As for `areas`.
-            weights: Weights of the views, ``(V,)`` float64.
+            weights: Weights of the pixels, ``(V, H, W)`` float64, or of the views, ``(V, 1, 1)``.
             vertices: Vertices of movable objects in the render [m], ``(n,)`` vec3, by name.
 
         Returns:
@@ -185,7 +201,7 @@ def _images(images: ImagesByName) -> Images:
 
 def _make_surfaces(scene: Scene) -> tuple[Surfaces, list[int]]:
     """Return the triangles of all objects, and the first vertex of each object."""
-    from warpvis.kernels.gradients.coverage import Surfaces
+    from warpvis.kernels.gradients.silhouette_edges import Surfaces
 
     vertices: list[NDArray[np.float32]] = []
     faces: list[NDArray[np.int32]] = []

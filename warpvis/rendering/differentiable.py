@@ -141,6 +141,10 @@ class DifferentiableRenderer:
         """Return areas of objects, as `Coverage.areas` does."""
         return self._coverage.areas(names, inputs.poses, self._worlds(inputs), images)
 
+    def masks(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], out: wp.array) -> None:
+        """Write masks of objects, as `Coverage.masks` does."""
+        self._coverage.masks(names, inputs.poses, self._worlds(inputs), images, out)
+
     def area_gradients(
         self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], weights: wp.array
     ) -> tuple[wp.array, list[wp.array]]:

@@ -8,10 +8,10 @@
 >>> images.depth[images.depth.isfinite()].sum().backward()
 
 Gradients are those of the seen surfaces; silhouettes do not contribute (`silhouette_mask`), except to
-`coverage` and `visible_fraction`.
+`coverage`, `soft_mask` and `visible_fraction`.
 """
 
-from warpvis.torch._coverage import coverage, visible_fraction
+from warpvis.torch._coverage import coverage, soft_mask, visible_fraction
 from warpvis.torch._poses import apply_twists, matrices_to_rows
 from warpvis.torch._render import Images, render
 from warpvis.torch._silhouettes import silhouette_mask
@@ -23,5 +23,6 @@ __all__ = [
     "matrices_to_rows",
     "render",
     "silhouette_mask",
+    "soft_mask",
     "visible_fraction",
 ]

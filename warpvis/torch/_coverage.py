@@ -57,20 +57,35 @@ def coverage(
         CameraError: If the camera is a list of rays.
         SceneError: If the scene has no object of a name, or contains round solids.
     """
-    vertices = {} if vertices is None else vertices
-    number = _number(scene, camera, tuple(vertices), "auto", None)
-    listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
-    indices = [scene.index(name) for name in listed]
-    if not indices:
-        raise SceneError("names must contain at least one object, got none")
-    if len(camera.shape) == 1:
-        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
-    rows = as_rows(poses, "poses", ("V",))
-    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
-    _check_vertices(vertices)
-    _check_tensors(number, [rows, object_rows, world_index, *vertices.values()])
-    areas, *_ = _measure(rows, object_rows, world_index, list(vertices.values()), indices, number, occluded)
-    return areas
+    inputs = object_poses, world_index, vertices
+    return _measure(*_parse(scene, camera, poses, names, *inputs), occluded, False)[0]
+
+
+def soft_mask(
+    scene: Scene,
+    camera: AnyCamera,
+    poses: Tensor,
+    names: str | Sequence[str],
+    *,
+    object_poses: Tensor | None = None,
+    world_index: Tensor | None = None,
+    vertices: Mapping[str, Tensor] | None = None,
+    occluded: bool = True,
+) -> Tensor:
+    """Return the share of each pixel that objects cover, with gradients to poses and vertices.
+
+    It is 1 where a pixel sees the objects and 0 elsewhere, except for pixels with a boundary. Its sum is the
+    `coverage`, whose arguments and limits it has. Where boundaries of a row and of a column meet, at corners, it may be
+    slightly less than 0 or more than 1.
+
+    Returns:
+        Masks, ``(V, H, W)`` float32.
+
+    >>> mask = warpvis.torch.soft_mask(scene, camera, poses, "mug")
+    >>> loss = 1 - (mask * measured).sum() / (mask + measured - mask * measured).sum()  # intersection over union
+    """
+    inputs = object_poses, world_index, vertices
+    return _measure(*_parse(scene, camera, poses, names, *inputs), occluded, True)[0]
 
 
 def visible_fraction(
@@ -102,6 +117,31 @@ def visible_fraction(
     return torch.where(alone > 0, seen / torch.where(alone > 0, alone, 1.0), 0.0)
 
 
+def _parse(
+    scene: Scene,
+    camera: AnyCamera,
+    poses: Tensor,
+    names: str | Sequence[str],
+    object_poses: Tensor | None,
+    world_index: Tensor | None,
+    vertices: Mapping[str, Tensor] | None,
+) -> tuple[Tensor, Tensor | None, Tensor | None, list[Tensor], list[int], int]:
+    """Check the arguments of `coverage`, and return those of the operator."""
+    vertices = {} if vertices is None else vertices
+    number = _number(scene, camera, tuple(vertices), "auto", None)
+    listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
+    indices = [scene.index(name) for name in listed]
+    if not indices:
+        raise SceneError("names must contain at least one object, got none")
+    if len(camera.shape) == 1:
+        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
+    rows = as_rows(poses, "poses", ("V",))
+    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    _check_vertices(vertices)
+    _check_tensors(number, [rows, object_rows, world_index, *vertices.values()])
+    return rows, object_rows, world_index, list(vertices.values()), indices, number
+
+
 @torch.library.custom_op("warpvis::coverage", mutates_args=())
 def _measure(
     rows: Tensor,
@@ -111,8 +151,9 @@ def _measure(
     indices: list[int],
     number: int,
     occluded: bool,
+    with_mask: bool,
 ) -> list[Tensor]:
-    """Return areas, and the images that gradients are computed from."""
+    """Return areas or masks, and the images that gradients are computed from."""
     renderer = numbered_renderer(number)
     shape = len(rows), *renderer.camera.shape
     images = [torch.empty(shape, dtype=torch.int32, device=rows.device) for _ in COVERAGE_IMAGES]
@@ -120,6 +161,10 @@ def _measure(
     with on_stream(rows.device):
         inputs, shown = as_inputs(rows, object_rows, world_index, vertices), as_images(COVERAGE_IMAGES, images)
         renderer.render(inputs, shown, only=None if occluded else names)
+        if with_mask:
+            masks = torch.empty(shape, dtype=torch.float32, device=rows.device)
+            renderer.masks(inputs, shown, names, as_array(masks, wp.float32))
+            return [masks, *images]
         areas = wp.to_torch(renderer.areas(inputs, shown, names))
         return [areas.sum(dim=1).to(torch.float32), *images]
 
@@ -133,10 +178,11 @@ def _(
     indices: list[int],
     number: int,
     occluded: bool,
+    with_mask: bool,
 ) -> list[Tensor]:
     shape = len(rows), *numbered_renderer(number).camera.shape
     images = [rows.new_empty(shape, dtype=torch.int32) for _ in COVERAGE_IMAGES]
-    return [rows.new_empty(len(rows)), *images]
+    return [rows.new_empty(shape if with_mask else shape[:1]), *images]
 
 
 @torch.library.custom_op("warpvis::coverage_backward", mutates_args=())
@@ -146,7 +192,7 @@ def _measure_backward(
     world_index: Tensor | None,
     vertices: list[Tensor],
     images: list[Tensor],
-    of_areas: Tensor,
+    of_result: Tensor,
     indices: list[int],
     number: int,
 ) -> list[Tensor]:
@@ -155,7 +201,8 @@ def _measure_backward(
     names = tuple(renderer.scene.objects[index].name for index in indices)
     with on_stream(rows.device):
         inputs, shown = as_inputs(rows, object_rows, world_index, vertices), as_images(COVERAGE_IMAGES, images)
-        weights = as_array(of_areas.to(torch.float64), wp.float64)
+        views = of_result.to(torch.float64)
+        weights = as_array(views if views.ndim == 3 else views[:, None, None], wp.float64)
         found, of_vertices = renderer.area_gradients(inputs, shown, names, weights)
         of_poses = wp.to_torch(found)
         results = [of_poses[:, 0].clone()]
@@ -171,7 +218,7 @@ def _(
     world_index: Tensor | None,
     vertices: list[Tensor],
     images: list[Tensor],
-    of_areas: Tensor,
+    of_result: Tensor,
     indices: list[int],
     number: int,
 ) -> list[Tensor]:
@@ -179,7 +226,7 @@ def _(
 
 
 def _save_for_backward(ctx: Any, inputs: tuple[Any, ...], output: list[Tensor]) -> None:
-    rows, object_rows, world_index, vertices, ctx.indices, ctx.number, _ = inputs
+    rows, object_rows, world_index, vertices, ctx.indices, ctx.number, *_ = inputs
     ctx.save_for_backward(rows, object_rows, world_index, *vertices, *output[1:])
     ctx.vertices = len(vertices)
 
@@ -194,7 +241,7 @@ def _backward(ctx: Any, gradients: list[Tensor]) -> tuple[Any, ...]:
     )
     of_rows = next(results)
     of_objects = None if object_rows is None else next(results)
-    return of_rows, of_objects, None, list(results), None, None, None
+    return of_rows, of_objects, None, list(results), None, None, None, None
 
 
 _measure.register_autograd(_backward, setup_context=_save_for_backward)
