@@ -217,6 +217,18 @@ class PartlyColorGenerator(FakeGenerator):
         return [replace(one, images={"camera/color": one.images["camera/color"]}) for one in found]
 
 
+def test_card_of_jsonl_defines_columns(tmp_path):
+    """`datasets` infers them from a file in the order of a set, which may be one whose lists are empty."""
+    options = {"count": 20, "shard_situations": 10, "format": "jsonl", "threads": 1}
+    generate_situations(tmp_path, OPTIONS, PartlyColorGenerator, **options)
+    card = (tmp_path / "README.md").read_text()
+    (features,) = re.findall(r"^configs:\n- config_name: default\n(?:  .*\n)*?  features: (.*)\n", card, re.MULTILINE)
+    columns = {column.pop("name"): column for column in json.loads(features)}
+    assert columns["views"] == {"list": "image"} and columns["view_names"] == {"list": "string"}
+    row = json.loads((tmp_path / "data" / "000001" / "metadata.jsonl").read_text().splitlines()[0])
+    assert set(columns) == {{"file_name": "image", "views_file_names": "views"}.get(name, name) for name in row}
+
+
 @pytest.mark.parametrize("name", ["parquet", "jsonl", "webdataset"])
 def test_datasets_reads_rooms_with_one_picture_and_with_several(tmp_path, monkeypatch, name):
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")

@@ -49,6 +49,39 @@ def with_margins(record: Mapping[str, Any]) -> dict[str, Any]:
     return {**record, "questions": questions}
 
 
+TEXT: dict[str, Json] = {"dtype": "string"}
+_NUMBER: dict[str, Json] = {"dtype": "float64"}
+TEXTS: dict[str, Json] = {"list": "string"}
+
+
+def _fields(**kinds: Mapping[str, Json]) -> list[Json]:
+    """Return the fields of a structure as `datasets` writes them in a card."""
+    return [{"name": name, **kind} for name, kind in kinds.items()]
+
+
+_QUESTION = _fields(
+    kind=TEXT,
+    text=TEXT,
+    paraphrases=TEXTS,
+    choices=TEXTS,
+    answer=TEXT,
+    reason=TEXT,
+    about=TEXTS,
+    margin=_NUMBER,
+    unit=TEXT,
+)
+_SIGHT = _fields(agent=TEXT, thing=TEXT, time={"dtype": "int32"}, fraction=_NUMBER, error=_NUMBER, state=TEXT)
+ROW_FIELDS = _fields(
+    name=TEXT,
+    twin=TEXT,
+    questions={"list": _QUESTION},
+    sights={"list": _SIGHT},
+    files={"list": _fields(image=TEXT, file=TEXT)},
+    record=TEXT,
+)
+"""Fields of `make_row`."""
+
+
 class SituationFormat:
     """A layout of files. Its bytes must depend only on the situations, not on the time or on random names."""
 
@@ -58,6 +91,8 @@ class SituationFormat:
     """Distributions that affect the bytes, separated by spaces; the manifest contains their versions."""
     card: ClassVar[Mapping[str, Json]]
     """Path of the data files for the `configs` of a Hugging Face dataset card."""
+    features: ClassVar[Sequence[Json]] = ()
+    """Columns for these `configs`, if `datasets` would infer them from the first file that it finds."""
     description: ClassVar[str]
     """Its files, for datasheets, in Markdown."""
 

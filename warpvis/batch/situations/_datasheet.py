@@ -102,7 +102,9 @@ def _card(
     lines += ["- perspective-taking", "- visibility", "- warpvis", "size_categories:", f"- {json.dumps(size)}"]
     lines += ["configs:", "- config_name: default", "  data_files:"]
     lines += [f"  - split: {layout.card['split']}", f"    path: {json.dumps(layout.card['path'])}"]
-    if columns:  # JSON is YAML
+    if layout.features:  # JSON is YAML
+        lines.append(f"  features: {json.dumps(layout.features)}")
+    if columns:
         lines += ["dataset_info:", "  features:", *(f"  - {json.dumps(column)}" for column in columns)]
     return "\n".join([*lines, "---"]) + "\n"
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.situations._base import Files, SituationFormat, Stored, make_row, read_shard_file
+from warpvis.batch.situations._base import ROW_FIELDS, TEXTS, Files, SituationFormat, Stored, make_row, read_shard_file
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
 from warpvis.errors import FileFormatError
@@ -28,6 +28,13 @@ class Jsonl(SituationFormat):
 
     name: ClassVar[str] = "jsonl"
     card: ClassVar[Mapping[str, Json]] = {"split": "train", "path": "data/**"}
+    # Without these, a file whose lists are empty has columns of nulls, to which those of other files cannot be cast.
+    features: ClassVar[Sequence[Json]] = (
+        {"name": "image", "dtype": "image"},
+        {"name": "views", "list": "image"},
+        {"name": "view_names", **TEXTS},
+        *ROW_FIELDS,
+    )
     description: ClassVar[str] = (
         "`data/NNNNNN/metadata.jsonl`, a folder for each room with a line for each situation, and its pictures next "
         "to it. `datasets` reads it as an image folder: `image` is the picture of the camera, and `views` all others."

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 from warpvis.batch._job import shard_name
-from warpvis.batch.situations._base import Files, SituationFormat, Stored, make_row
+from warpvis.batch.situations._base import ROW_FIELDS, TEXT, Files, SituationFormat, Stored, make_row
 from warpvis.batch.situations._pictures import decode_picture
 from warpvis.core.checks import describe_exception
 from warpvis.core.types import Json
@@ -21,39 +21,6 @@ from warpvis.situations import Situation
 if TYPE_CHECKING:
     from warpvis.batch.storage._output import ShardFiles
     from warpvis.batch.storage._stores import Store
-
-
-_TEXT: dict[str, Json] = {"dtype": "string"}
-_NUMBER: dict[str, Json] = {"dtype": "float64"}
-_TEXTS: dict[str, Json] = {"list": "string"}
-
-
-def _fields(**kinds: Mapping[str, Json]) -> list[Json]:
-    """Return the fields of a structure as `datasets` writes them in a card."""
-    return [{"name": name, **kind} for name, kind in kinds.items()]
-
-
-_QUESTION = _fields(
-    kind=_TEXT,
-    text=_TEXT,
-    paraphrases=_TEXTS,
-    choices=_TEXTS,
-    answer=_TEXT,
-    reason=_TEXT,
-    about=_TEXTS,
-    margin=_NUMBER,
-    unit=_TEXT,
-)
-_SIGHT = _fields(agent=_TEXT, thing=_TEXT, time={"dtype": "int32"}, fraction=_NUMBER, error=_NUMBER, state=_TEXT)
-_JSON = _fields(
-    name=_TEXT,
-    twin=_TEXT,
-    questions={"list": _QUESTION},
-    sights={"list": _SIGHT},
-    files={"list": _fields(image=_TEXT, file=_TEXT)},
-    record=_TEXT,
-)
-"""Fields of `make_row`."""
 
 
 class Webdataset(SituationFormat):
@@ -92,7 +59,7 @@ class Webdataset(SituationFormat):
                     source = None if field == "json" or field in pictures else archive.extractfile(member)
                     if source is not None:
                         pictures[field] = _picture_kind(field, source.read())
-        columns = {"json": {"struct": _JSON}} | dict(sorted(pictures.items())) | {"__key__": _TEXT, "__url__": _TEXT}
+        columns = {"json": {"struct": ROW_FIELDS}} | dict(sorted(pictures.items())) | {"__key__": TEXT, "__url__": TEXT}
         return [{"name": name, **kind} for name, kind in columns.items()]
 
     def read_shard(self, store: Store, shard: int, *, images: bool) -> list[Stored]:
