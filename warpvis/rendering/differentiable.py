@@ -111,12 +111,6 @@ class DifferentiableRenderer:
         """Return gradients with respect to poses, as `DepthGradients.poses` does."""
         return self._gradients.poses(inputs.poses, self._worlds(inputs), images, gradients)
 
-    def ray_gradients(
-        self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
-    ) -> tuple[wp.array, wp.array | None]:
-        """Return gradients with respect to rays, as `DepthGradients.rays` does."""
-        return self._gradients.rays(inputs.poses, images, gradients)
-
     def vertex_gradients(
         self, inputs: Inputs, images: Mapping[str, wp.array], gradients: Mapping[str, wp.array]
     ) -> list[wp.array]:
@@ -293,8 +287,3 @@ def check_image_names(outputs: object, *others: str) -> tuple[str, ...]:
 def image_shape(name: str, views: int, camera: AnyCamera) -> tuple[int, ...]:
     """Return the shape of an image of all views, with its components."""
     return (views, *camera.shape, *([3] if pixel_type(name) in (wp.vec3, wp.vec3ub) else []))
-
-
-def image_dtype(name: str) -> np.dtype:
-    """Return the dtype of the components of an image."""
-    return np.dtype({"labels": np.uint8, "segmentation": np.int32, "faces": np.int32}.get(name, np.float32))
