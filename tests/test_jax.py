@@ -83,7 +83,7 @@ def test_images_equal_those_of_render(name, compiled, device):
 def test_default_is_depth_alone(device):
     images = wvj.render(scene_on(device), PINHOLE, jnp.asarray(ROW))
     assert images.depth.shape == (1, *PINHOLE.shape)
-    assert images[1:] == (None,) * 5
+    assert images[1:] == (None,) * 6
 
 
 def test_world_index(device):
@@ -437,7 +437,7 @@ BAD = {
     "vertices": ({"vertices": {"box": np.zeros((3, 3), np.float32)}}, r"vertices\['box'\] must have shape \(8, 3\)"),
     "static": ({"vertices": {"wall": np.zeros((3, 3), np.float32)}}, "vertices must be those of movable objects"),
     "intrinsics": ({"intrinsics": np.ones(3, np.float32)}, "intrinsics must be the 4 numbers fx, fy, cx, cy, got"),
-    "outputs": ({"outputs": ("color",)}, "outputs must be some of depth"),
+    "outputs": ({"outputs": ("albedo",)}, "outputs must be some of depth"),
 }
 
 

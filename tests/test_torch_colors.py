@@ -19,15 +19,9 @@ from warpvis.scene.worlds import parse_worlds
 from warpvis.torch._colors import interpolate
 from warpvis.torch._render import _number
 
-from support.gradients import CAMERAS, OBJECT_ROWS, ROW, build_scene
+from support.colored_cards import CARD, CARD_FACES, CARD_ROW, CARD_UV, TEXTURE, WRAPS, build_card_scene
+from support.gradients import CAMERAS, OBJECT_ROWS, ROW
 
-CARD_ROW = np.array([1.6, 0.45, 0.5, 0.1, 0.2, -0.1, 0.97])
-CARD_ROW[3:] /= np.linalg.norm(CARD_ROW[3:])
-CARD = np.array([[0, -0.4, -0.3], [0, 0.4, -0.3], [0, 0.4, 0.3], [0, -0.4, 0.3]])
-CARD_FACES = np.array([[0, 1, 2], [0, 2, 3]])
-CARD_UV = np.float32([[-0.6, -0.3], [1.7, -0.3], [1.7, 1.4], [-0.6, 1.4]])
-TEXTURE = np.random.default_rng(5).integers(0, 256, (7, 9, 3)).astype(np.uint8)
-WRAPS = [("repeat", "clamp"), ("clamp", "mirror"), ("mirror", "repeat")]
 IDENTITY = np.array([0, 0, 0, 0, 0, 0, 1.0])
 IMAGES = ("points", "segmentation", "faces")
 
@@ -35,15 +29,6 @@ IMAGES = ("points", "segmentation", "faces")
 def tensor(values, device, *, requires_grad=False):
     made = torch.tensor(np.asarray(values), dtype=torch.float32, device=device.replace("cpu:0", "cpu"))
     return made.requires_grad_(requires_grad)
-
-
-def build_card_scene(device="cpu", wraps=WRAPS[0], *, movable=True, **options):
-    """Return the scene of other tests of gradients, with a textured card in front of its objects."""
-    scene = build_scene(device)
-    texture = Texture(TEXTURE, wrap_u=wraps[0], wrap_v=wraps[1], mipmaps=False)
-    appearance = Appearance((Material(texture=texture, **options),), uv=CARD_UV)
-    scene.add((CARD, CARD_FACES), name="card", appearance=appearance, pose=CARD_ROW, movable=movable)
-    return scene
 
 
 def objects_of(device):

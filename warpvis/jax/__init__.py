@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Differentiable renders for JAX: gradients of depth, points and normals with respect to poses and shapes.
+"""Differentiable renders for JAX: gradients of images with respect to poses, shapes and colors.
 
 >>> import jax, jax.numpy as jnp, warpvis.jax
 >>> def loss(poses):

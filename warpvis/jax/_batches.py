@@ -30,9 +30,9 @@ def cast(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, Array
     @one.def_vmap
     def batch(size: int, batched: list[Arrays], arrays: Arrays) -> tuple[dict[str, Array], dict[str, bool]]:
         if any(batched[0].vertices) or batched[0].intrinsics:
-            images = _map_members(partial(cast, number, names), batched, [arrays])
+            images = map_members(partial(cast, number, names), batched, [arrays])
         else:
-            images = cast(number, names, _join_members(size, batched[0], arrays))
+            images = cast(number, names, join_members(size, batched[0], arrays))
             images = {name: image.reshape(size, -1, *image.shape[1:]) for name, image in images.items()}
         return images, dict.fromkeys(names, True)
 
@@ -49,13 +49,10 @@ def pose_gradients(number: int, arrays: Arrays, images: dict[str, Array], gradie
 
     @one.def_vmap
     def batch(size: int, batched: Any, arrays: Arrays, *rest: dict[str, Array]) -> tuple[Array, bool]:
-        def join(is_batched: bool, array: Array) -> Array:
-            return _with_members(size, is_batched, array).reshape(-1, *array.shape[1 + is_batched :])
-
         if batched[0].intrinsics:
-            return _map_members(partial(pose_gradients, number), batched, [arrays, *rest]), True
-        joined = _join_members(size, batched[0], arrays)
-        result = pose_gradients(number, joined, *jax.tree.map(join, batched[1:], list(rest)))
+            return map_members(partial(pose_gradients, number), batched, [arrays, *rest]), True
+        joined = join_members(size, batched[0], arrays)
+        result = pose_gradients(number, joined, *join_images(size, batched[1:], list(rest)))
         return result.reshape(size, -1, *result.shape[1:]), True
 
     return one(arrays, images, gradients)
@@ -73,7 +70,7 @@ def vertex_gradients(
 
     @one.def_vmap
     def batch(size: int, batched: Any, *args: Any) -> tuple[tuple[Array, ...], tuple[bool, ...]]:
-        results = _map_members(partial(vertex_gradients, number), batched, list(args))
+        results = map_members(partial(vertex_gradients, number), batched, list(args))
         return results, (True,) * len(results)
 
     return one(arrays, images, gradients)
@@ -89,7 +86,7 @@ def parameter_gradients(number: int, arrays: Arrays, images: dict[str, Array], g
 
     @one.def_vmap
     def batch(size: int, batched: Any, *args: Any) -> tuple[Array, bool]:
-        return _map_members(partial(parameter_gradients, number), batched, list(args)), True
+        return map_members(partial(parameter_gradients, number), batched, list(args)), True
 
     return one(arrays, images, gradients)
 
@@ -99,7 +96,7 @@ def _with_members(size: int, is_batched: bool, array: Array) -> Array:
     return array if is_batched else jnp.broadcast_to(array, (size, *array.shape))
 
 
-def _join_members(size: int, batched: Arrays, arrays: Arrays) -> Arrays:
+def join_members(size: int, batched: Arrays, arrays: Arrays) -> Arrays:
     """Return the views of all members of a batch as views of one render."""
     poses = _with_members(size, bool(batched.poses), arrays.poses)
     views = poses.shape[1]
@@ -117,7 +114,16 @@ def _join_members(size: int, batched: Arrays, arrays: Arrays) -> Arrays:
     return Arrays(poses.reshape(-1, 7), objects, None if index is None else index.reshape(-1), *arrays[3:])
 
 
-def _map_members(function: Callable[..., Any], batched: list[Any], args: list[Any]) -> Any:
+def join_images(size: int, batched: Any, images: Any) -> Any:
+    """Return images of all members of a batch as images of one render."""
+
+    def join(is_batched: bool, array: Array) -> Array:
+        return _with_members(size, is_batched, array).reshape(-1, *array.shape[1 + is_batched :])
+
+    return jax.tree.map(join, batched, images)
+
+
+def map_members(function: Callable[..., Any], batched: list[Any], args: list[Any]) -> Any:
     """Call a function for the members of a batch one after the other."""
     flags, leaves = jax.tree.leaves(batched), jax.tree.leaves(args)
     structure = jax.tree.structure(args)
@@ -129,3 +135,10 @@ def _map_members(function: Callable[..., Any], batched: list[Any], args: list[An
 
     chosen = [leaf for is_batched, leaf in zip(flags, leaves, strict=True) if is_batched]
     return jax.lax.map(member, chosen)
+
+
+def add_worlds(of_views: Array, object_poses: Array, world_index: Array | None) -> Array:
+    """Add the gradients ``(V, M, 7)`` of the views of each world."""
+    if world_index is not None:
+        return jnp.zeros_like(object_poses).at[world_index].add(of_views)
+    return of_views.sum(axis=0, keepdims=True) if len(object_poses) == 1 else of_views

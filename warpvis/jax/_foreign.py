@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from warpvis.rendering.differentiable import (
     numbered_renderer,
 )
 
-_Spec = tuple[tuple[str, Any, int], ...]
+Spec = tuple[tuple[str, Any, int], ...]
 """Names, dtypes and numbers of axes of arrays."""
 
 _streams: dict[str, wp.Stream] = {}
@@ -45,55 +45,60 @@ def call_cast(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, 
     given = _named(arrays)
     shapes = dict.fromkeys(names, (views, *camera.shape))
     outputs = tuple((name, differentiable.pixel_type(name), 1 + len(camera.shape)) for name in names)
-    results = _call(_write_images, number, (_input_spec(arrays), given), outputs, shapes)
+    results = call_foreign(_write_images, number, (_input_spec(arrays), given), outputs, shapes)
     return dict(zip(names, results, strict=True))
 
 
 def call_pose_gradients(number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]) -> Array:
     renderer = numbered_renderer(number)
-    inputs = _gradient_inputs(number, arrays, images, gradients)
+    inputs = image_inputs(number, arrays, images, gradients)
     shape = len(arrays.poses), 1 + len(renderer.scene.movable)
     outputs = (("of_poses", wp.transform, 2),)
-    return _call(_write_pose_gradients, number, inputs, outputs, {"of_poses": shape})[0]
+    return call_foreign(_write_pose_gradients, number, inputs, outputs, {"of_poses": shape})[0]
 
 
 def call_vertex_gradients(
     number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
 ) -> tuple[Array, ...]:
-    inputs = _gradient_inputs(number, arrays, images, gradients)
+    inputs = image_inputs(number, arrays, images, gradients)
     shapes = {f"of_vertices_{k}": (len(vertices),) for k, vertices in enumerate(arrays.vertices)}
     outputs = tuple((name, wp.vec3, 1) for name in shapes)
-    return tuple(_call(_write_vertex_gradients, number, inputs, outputs, shapes))
+    return tuple(call_foreign(_write_vertex_gradients, number, inputs, outputs, shapes))
 
 
 def call_parameter_gradients(
     number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
 ) -> Array:
     """Return gradients with respect to the camera's parameters, ``(P,)``."""
-    inputs = _gradient_inputs(number, arrays, images, gradients)
+    inputs = image_inputs(number, arrays, images, gradients)
     outputs, shapes = (("of_intrinsics", wp.float32, 1),), {"of_intrinsics": inputs[1]["intrinsics"].shape}
-    return _call(_write_parameter_gradients, number, inputs, outputs, shapes)[0]
+    return call_foreign(_write_parameter_gradients, number, inputs, outputs, shapes)[0]
 
 
-def _call(
-    function: Callable[[int, dict[str, wp.array]], None],
+def call_foreign(
+    function: Callable[..., None],
     number: int,
-    inputs: tuple[_Spec, dict[str, Array]],
-    outputs: _Spec,
+    inputs: tuple[Spec, dict[str, Array]],
+    outputs: Spec,
     shapes: Mapping[str, tuple[int, ...]],
+    *options: Hashable,
 ) -> Sequence[Array]:
-    """Return the outputs of a foreign function; shapes are without the components of vectors."""
+    """Return the outputs of a foreign function; shapes are without the components of vectors.
+
+    The function is called with the number of the renderer, the arrays by name, and the options.
+    """
     device = numbered_renderer(number).scene.device
     if device.is_cuda:
         _streams.setdefault(device.alias, device.stream)
     types, arrays = inputs
-    return _foreign(function, types, outputs)(*arrays.values(), number, output_dims=dict(shapes))
+    return _foreign(function, types, outputs, options)(*arrays.values(), number, output_dims=dict(shapes))
 
 
-def _gradient_inputs(
-    number: int, arrays: Arrays, images: dict[str, Array], gradients: dict[str, Array]
-) -> tuple[_Spec, dict[str, Array]]:
-    """Return the inputs of a foreign function that computes gradients, and their types."""
+def image_inputs(
+    number: int, arrays: Arrays, images: Mapping[str, Array], gradients: Mapping[str, Array] | None = None
+) -> tuple[Spec, dict[str, Array]]:
+    """Return the inputs of a foreign function of images and of gradients with respect to them, and their types."""
+    gradients = {} if gradients is None else gradients
     axes = 1 + len(numbered_renderer(number).camera.shape)
     types = tuple((name, differentiable.pixel_type(name), axes) for name in images)
     of_types = tuple((f"of_{name}", differentiable.pixel_type(name), axes) for name in gradients)
@@ -113,7 +118,7 @@ def _named(arrays: Arrays) -> dict[str, Array]:
     return {**named, **{f"vertices_{k}": vertices for k, vertices in enumerate(arrays.vertices)}}
 
 
-def _input_spec(arrays: Arrays) -> _Spec:
+def _input_spec(arrays: Arrays) -> Spec:
     types = {
         "poses": (wp.transform, 1),
         "object_poses": (wp.transform, 2),
@@ -124,8 +129,8 @@ def _input_spec(arrays: Arrays) -> _Spec:
 
 
 @cache
-def _foreign(function: Callable[[int, dict[str, wp.array]], None], inputs: _Spec, outputs: _Spec) -> Any:
-    """Return a JAX function that calls ``function(number, arrays)`` with its inputs and outputs by name.
+def _foreign(function: Callable[..., None], inputs: Spec, outputs: Spec, options: tuple[Hashable, ...]) -> Any:
+    """Return a JAX function that calls ``function(number, arrays, *options)`` with its inputs and outputs by name.
 
     Its arguments are the inputs and the number of a renderer. Graphs are not captured, since renders may build trees
     and allocate memory.
@@ -138,7 +143,7 @@ def _foreign(function: Callable[[int, dict[str, wp.array]], None], inputs: _Spec
         arrays = {name: value for (name, _), value in zip(parameters, values, strict=True)}
         number = int(arrays.pop("number"))
         with _on_warp_stream(arrays["poses"].device):
-            function(number, arrays)
+            function(number, arrays, *options)
 
     call.__annotations__ = dict(parameters)
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
@@ -168,9 +173,9 @@ def _as_inputs(arrays: Mapping[str, wp.array]) -> Inputs:
     return Inputs(arrays["poses"], arrays.get("object_poses"), arrays.get("world_index"), vertices)
 
 
-def _split(arrays: Mapping[str, wp.array]) -> tuple[Inputs, dict[str, wp.array], dict[str, wp.array]]:
+def split_arrays(arrays: Mapping[str, wp.array]) -> tuple[Inputs, dict[str, wp.array], dict[str, wp.array]]:
     """Return the inputs, the images and the gradients of images."""
-    images = {name: arrays[name] for name in (*WITH_GRADIENT, *WITHOUT_GRADIENT) if name in arrays}
+    images = {name: arrays[name] for name in (*WITH_GRADIENT, *WITHOUT_GRADIENT, "albedo") if name in arrays}
     gradients = {name: arrays[f"of_{name}"] for name in WITH_GRADIENT if f"of_{name}" in arrays}
     return _as_inputs(arrays), images, gradients
 
@@ -182,19 +187,19 @@ def _renderer(number: int, arrays: Mapping[str, wp.array]) -> DifferentiableRend
 
 
 def _write_images(number: int, arrays: dict[str, wp.array]) -> None:
-    inputs, images, _ = _split(arrays)
+    inputs, images, _ = split_arrays(arrays)
     _renderer(number, arrays).render(inputs, images)
 
 
 def _write_pose_gradients(number: int, arrays: dict[str, wp.array]) -> None:
-    wp.copy(arrays["of_poses"], _renderer(number, arrays).pose_gradients(*_split(arrays)))
+    wp.copy(arrays["of_poses"], _renderer(number, arrays).pose_gradients(*split_arrays(arrays)))
 
 
 def _write_vertex_gradients(number: int, arrays: dict[str, wp.array]) -> None:
-    for k, result in enumerate(_renderer(number, arrays).vertex_gradients(*_split(arrays))):
+    for k, result in enumerate(_renderer(number, arrays).vertex_gradients(*split_arrays(arrays))):
         wp.utils.array_cast(result, arrays[f"of_vertices_{k}"])
 
 
 def _write_parameter_gradients(number: int, arrays: dict[str, wp.array]) -> None:
-    result = _renderer(number, arrays).parameter_gradients(*_split(arrays))
+    result = _renderer(number, arrays).parameter_gradients(*split_arrays(arrays))
     wp.utils.array_cast(result, arrays["of_intrinsics"])

@@ -6,26 +6,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-import warp as wp
 from jax import Array
 from jax.typing import ArrayLike
 
-from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
-from warpvis.core.poses import host_poses
-from warpvis.errors import ArrayError, PoseError
-from warpvis.jax._batches import cast, parameter_gradients, pose_gradients, vertex_gradients
+from warpvis.errors import ArrayError
+from warpvis.jax._arguments import as_array, parse_arrays
+from warpvis.jax._batches import add_worlds, cast, parameter_gradients, pose_gradients, vertex_gradients
+from warpvis.jax._colors import interpolate
 from warpvis.jax._foreign import Arrays
-from warpvis.jax._poses import matrices_to_rows
 from warpvis.rendering import CasterName, differentiable
+from warpvis.rendering.color_gradients import COLOR_IMAGES
 from warpvis.rendering.differentiable import WITH_GRADIENT, numbered_renderer
 from warpvis.scene import Scene
-from warpvis.scene.worlds import parse_worlds
 
 
 class Images(NamedTuple):
@@ -43,6 +40,9 @@ class Images(NamedTuple):
     """Indices into the scene's objects, ``(V, H, W)`` int32."""
     faces: Array | None = None
     """Indices of the seen triangles in the object's mesh, ``(V, H, W)`` int32."""
+    color: Array | None = None
+    """Base colors without lighting in sRGB, from 0 to 1, ``(V, H, W, 3)`` float32; the background where nothing is
+    seen."""
 
 
 def render(
@@ -54,6 +54,7 @@ def render(
     world_index: ArrayLike | None = None,
     vertices: Mapping[str, ArrayLike] | None = None,
     intrinsics: ArrayLike | None = None,
+    colors: Mapping[str, ArrayLike] | None = None,
     outputs: Sequence[str] = ("depth",),
     caster: CasterName = "auto",
     threads: int | None = None,
@@ -62,8 +63,8 @@ def render(
 
     Images equal those of `warpvis.render`. The render runs on XLA's stream, without copies to the host. It works in
     `jax.jit`, `jax.grad`, `jax.checkpoint`, `jax.lax.scan` and `jax.vmap`, which renders the views of a batch at once,
-    or one after the other if vertices are batched. Forward-mode and second derivatives are not defined. The scene and
-    the camera are constants of traced functions.
+    or one after the other if vertices, intrinsics or colors are batched. Forward-mode and second derivatives are not
+    defined. The scene and the camera are constants of traced functions.
 
     Args:
         scene: The scene, on the device of the arrays.
@@ -78,8 +79,12 @@ def render(
         intrinsics: Parameters of the camera, ``(P,)``, in the order of `warpvis.cameras.parameter_names`: ``fx fy cx
             cy`` of a pinhole, and coefficients of a lens. They replace the camera's own and are read on the host, so
             that the render waits for the GPU.
+        colors: Colors of meshes by name, in sRGB from 0 to 1: of the vertices, ``(n, 3)``, or a texture at the texture
+            coordinates of the object's appearance, ``(h, w, 3)``, the top row first. In the image ``"color"``, they
+            replace the object's appearance; they are interpolated as they are, and not clipped.
         outputs: Images to render: ``"depth"``, ``"points"``, ``"normals"``, ``"labels"``, ``"segmentation"``,
-            ``"faces"``. The last three are integers, which have no gradients.
+            ``"faces"``, ``"color"``. Labels, segmentation and faces are integers, which have no gradients; the gradient
+            of ``"color"`` flows to `colors` only, and not to poses and vertices.
         caster: As for `Renderer`.
         threads: As for `Renderer`.
 
@@ -87,108 +92,46 @@ def render(
         ArrayError: If an array has the wrong shape or dtype or is not on the scene's device.
         PoseError: If poses are malformed, as for `Renderer.render`. Values of traced arrays on the CPU are checked when
             the function runs, and JAX raises an error with the same sentence.
+        SceneError: If an object of `colors` is a solid, or has no texture coordinates for a texture.
     """
-    names = differentiable.check_image_names(outputs)
+    names = differentiable.check_image_names(outputs, "color")
     vertices = {} if vertices is None else vertices
     number = differentiable.renderer_number(scene, camera, deforming=tuple(vertices), caster=caster, threads=threads)
-    rows = _as_rows(poses, "poses", 1, scene)
-    arrays = Arrays(
-        rows[None] if rows.ndim == 1 else rows,
-        None if object_poses is None else _as_object_rows(object_poses, scene),
-        None if world_index is None else _as_array(world_index, "world_index", jnp.int32, scene),
-        tuple(_as_array(value, f"vertices[{name!r}]", jnp.float32, scene) for name, value in vertices.items()),
-        None if intrinsics is None else _as_array(intrinsics, "intrinsics", jnp.float32, scene),
-    )
-    _check(scene, camera, arrays, tuple(vertices))
-    return Images(**_render(number, names, arrays))
+    arrays = parse_arrays(scene, camera, poses, object_poses, world_index, vertices, intrinsics)
+    given = _parse_colors(number, {} if colors is None else colors, names)
+    rendered = tuple(name for name in names if name != "color")
+    if "color" not in names:
+        return Images(**_render(number, rendered, rendered, arrays))
+    images = _render(number, rendered, tuple(dict.fromkeys((*rendered, *COLOR_IMAGES))), arrays)
+    seen = {name: images[name] for name in COLOR_IMAGES}
+    constant = jax.lax.stop_gradient((arrays._replace(intrinsics=None), seen))
+    color = interpolate(number, tuple(given), *constant, tuple(given.values()))
+    return Images(color=color, **{name: images[name] for name in rendered})
 
 
-def _as_array(value: ArrayLike, name: str, dtype: Any, scene: Scene) -> Array:
-    """Return an array of a dtype; JAX arrays must be on the scene's device, others are copied to it."""
-    try:
-        if isinstance(value, Array):
-            array = value
-        else:
-            array = jnp.asarray(value, device=wp.device_to_jax(scene.device))
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise ArrayError(f"{name} must be an array of numbers on {scene.device}: {error}") from None
-    expected = jnp.integer if dtype == jnp.int32 else jnp.floating
-    if not jnp.issubdtype(array.dtype, expected):
-        raise ArrayError(f"{name} must be {dtype.__name__}, got {array.dtype}")
-    if not isinstance(array, jax.core.Tracer):
-        devices = array.devices()
-        if any(_warp_device(device) != scene.device for device in devices):
-            listed = ", ".join(sorted(str(device) for device in devices))
-            raise ArrayError(f"{name} must be on the scene's device, {scene.device}, got an array on {listed}")
-    return array.astype(dtype)
+def _parse_colors(number: int, colors: Mapping[str, ArrayLike], names: tuple[str, ...]) -> dict[int, Array]:
+    """Return given colors by index of the object, checked."""
+    if not isinstance(colors, Mapping):
+        raise ArrayError(f"colors must be arrays by name of the object, got {type(colors).__name__}")
+    if colors and "color" not in names:
+        raise ArrayError(f"outputs must contain color if colors are given, got {', '.join(names)}")
+    renderer = numbered_renderer(number)
+    scene = renderer.scene
+    arrays = {
+        scene.index(name): as_array(value, f"colors[{name!r}]", jnp.float32, scene) for name, value in colors.items()
+    }
+    renderer.check_colors({index: array.shape for index, array in arrays.items()})
+    return arrays
 
 
-def _warp_device(device: Any) -> wp.Device | None:
-    """Return Warp's name of one of JAX's devices; None if Warp does not support it."""
-    try:
-        return wp.device_from_jax(device)
-    except (RuntimeError, IndexError):
-        return None
-
-
-def _as_rows(poses: ArrayLike, name: str, axes: int, scene: Scene) -> Array:
-    """Return poses as rows of at most `axes` leading axes."""
-    array = _as_array(poses, name, jnp.float32, scene)
-    if array.shape[-2:] == (4, 4):
-        array = matrices_to_rows(array)
-    elif array.shape[-1:] != (7,):
-        raise PoseError(f"{name} must be rows of 7 numbers or matrices of shape (4, 4), got shape {array.shape}")
-    if array.ndim not in (axes, axes + 1):
-        raise PoseError(f"{name} must have {axes - 1} or {axes} axes before those of a pose, got shape {array.shape}")
-    return array
-
-
-def _as_object_rows(object_poses: ArrayLike, scene: Scene) -> Array:
-    rows = _as_rows(object_poses, "object_poses", 2, scene)
-    rows = rows[None] if rows.ndim == 2 else rows
-    if not scene.movable or rows.shape[1] != len(scene.movable):
-        raise PoseError(
-            f"object_poses must be those of the {len(scene.movable)} movable objects in each world, "
-            f"got shape {rows.shape}"
-        )
-    return rows
-
-
-def _check(scene: Scene, camera: AnyCamera, arrays: Arrays, deforming: Sequence[str]) -> None:
-    """Check shapes, and the values of arrays on the CPU that are not traced."""
-    views = len(arrays.poses)
-    worlds = 1 if arrays.object_poses is None else len(arrays.object_poses)
-    if arrays.world_index is not None and arrays.world_index.shape != (views,):
-        raise ArrayError(f"world_index must have shape ({views},), got {arrays.world_index.shape}")
-    if arrays.world_index is None and worlds not in (1, views):
-        raise ArrayError(f"object_poses have {worlds} worlds for {views} views; give world_index= for each view")
-    for name, vertices in zip(deforming, arrays.vertices, strict=True):
-        expected = scene.objects[scene.index(name)].vertices.shape
-        if vertices.shape != expected:
-            raise ArrayError(f"vertices[{name!r}] must have shape {expected}, got {vertices.shape}")
-    if arrays.intrinsics is not None:
-        names = parameter_names(camera)
-        if not names:
-            raise ArrayError("intrinsics must be None for a camera without parameters, such as a list of rays")
-        if arrays.intrinsics.shape != (len(names),):
-            raise ArrayError(
-                f"intrinsics must be the {len(names)} numbers {', '.join(names)}, got shape {arrays.intrinsics.shape}"
-            )
-    if scene.device.is_cpu:
-        known = jax.tree.map(lambda array: None if isinstance(array, jax.core.Tracer) else np.asarray(array), arrays)
-        if known.poses is not None:
-            host_poses(known.poses, camera.axes, axes=camera.axes, name="poses")
-        if known.object_poses is not None and (arrays.world_index is None or known.world_index is not None):
-            parse_worlds(scene, views, known.object_poses, known.world_index, None)
-
-
-@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
-def _render(number: int, names: tuple[str, ...], arrays: Arrays) -> dict[str, Array]:
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1, 2))
+def _render(number: int, requested: tuple[str, ...], names: tuple[str, ...], arrays: Arrays) -> dict[str, Array]:
+    """Return images by name; gradients are those of the `requested` ones."""
     return cast(number, names, arrays)
 
 
 def _forward(
-    number: int, names: tuple[str, ...], arrays: Arrays
+    number: int, requested: tuple[str, ...], names: tuple[str, ...], arrays: Arrays
 ) -> tuple[dict[str, Array], tuple[Arrays, dict[str, Array]]]:
     """Render the images, and those that gradients need."""
     needed = numbered_renderer(number).needed_images()
@@ -197,18 +140,22 @@ def _forward(
 
 
 def _backward(
-    number: int, names: tuple[str, ...], saved: tuple[Arrays, dict[str, Array]], gradients: dict[str, Array]
+    number: int,
+    requested: tuple[str, ...],
+    names: tuple[str, ...],
+    saved: tuple[Arrays, dict[str, Array]],
+    gradients: dict[str, Array],
 ) -> tuple[Arrays]:
     """Return gradients with respect to the arrays. XLA removes calls whose results are not used."""
     arrays, images = saved
-    given = {name: gradients[name] for name in names if name in WITH_GRADIENT}
+    given = {name: gradients[name] for name in requested if name in WITH_GRADIENT}
     if not given:
         return (jax.tree.map(lambda array: None, arrays),)
     numbered_renderer(number).check_normals(given)
     of_poses = pose_gradients(number, arrays._replace(vertices=()), images, given)
     of_objects = None
     if arrays.object_poses is not None:
-        of_objects = _add_worlds(of_poses[:, 1:], arrays.object_poses, arrays.world_index)
+        of_objects = add_worlds(of_poses[:, 1:], arrays.object_poses, arrays.world_index)
     of_vertices = vertex_gradients(number, arrays, images, given) if arrays.vertices else ()
     of_intrinsics = None
     if arrays.intrinsics is not None:
@@ -217,10 +164,3 @@ def _backward(
 
 
 _render.defvjp(_forward, _backward)
-
-
-def _add_worlds(of_views: Array, object_poses: Array, world_index: Array | None) -> Array:
-    """Add the gradients ``(V, M, 7)`` of the views of each world."""
-    if world_index is not None:
-        return jnp.zeros_like(object_poses).at[world_index].add(of_views)
-    return of_views.sum(axis=0, keepdims=True) if len(object_poses) == 1 else of_views
