@@ -197,6 +197,7 @@ from reference_simkinect import detect_dots, fill_from_dots, shift_to_levels  # 
 from reference_sky import paint_sky, paint_sky_rows  # noqa: F401
 from reference_soft_visibility import (  # noqa: F401
     mark_silhouettes,
+    sum_area_strips,
     sum_coverage,
     sum_coverage_gradients,
     write_masks,

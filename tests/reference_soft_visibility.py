@@ -164,6 +164,11 @@ def sum_coverage(camera, scene, images, targets, row, object_rows) -> float:
     return Crossings(camera, scene, images, targets, seen).area(seen)
 
 
+def sum_area_strips(strips) -> NDArray[np.float64]:
+    """Return the sum of the areas of strips, (V, strips), of each view."""
+    return np.asarray(strips, dtype=np.float64).sum(axis=1)
+
+
 def sum_coverage_gradients(camera, scene, images, targets, row, object_rows, name, step=1e-6):
     """Return gradients with respect to the poses of camera and objects and the vertices of an object, by differences.
 

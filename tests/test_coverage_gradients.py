@@ -7,15 +7,19 @@ import pytest
 import reference_soft_visibility as twin
 import torch
 import trimesh
+import warp as wp
 
 import warpvis as wv
 import warpvis.torch as wt
+from warpvis.core.kernel_cache import launch
+from warpvis.kernels.gradients.coverage import sum_area_strips
 from warpvis.rendering.coverage import find_neighbors
 from warpvis.scene import solids
 from warpvis.torch._coverage import _measure
 from warpvis.torch._render import _number
 
 from support.gradients import CAMERAS, OBJECT_ROWS, ROW, build_scene
+from support.hidden_ball import START, hidden_scene
 
 WITH_IMAGES = [name for name in CAMERAS if name != "lidar"]
 
@@ -45,6 +49,13 @@ def test_areas_and_gradients_match_twin(name, names, device):
     got = torch.cat([value.grad.flatten() for value in (poses, objects, stone)]).cpu().numpy()
     for part in (np.s_[:7], np.s_[7:21], np.s_[21:]):
         np.testing.assert_allclose(got[part], expected[part], rtol=0, atol=1e-4 * np.abs(expected).max())
+
+
+def test_strips_are_added(device):
+    strips = np.random.default_rng(0).uniform(0, 100, (3, 7))
+    out = wp.empty(3, dtype=wp.float32, device=device)
+    launch(sum_area_strips, out.shape, [wp.array(strips, dtype=wp.float64, device=device), out], wp.get_device(device))
+    np.testing.assert_allclose(out.numpy(), twin.sum_area_strips(strips), rtol=1e-6)
 
 
 @pytest.mark.parametrize("name", WITH_IMAGES)
@@ -94,17 +105,6 @@ def test_object_moves_to_a_mask(device):
     assert ratios[-1] > 0.9
 
 
-def hidden_scene(device="cpu"):
-    """Return a ball behind a box that hides most of it."""
-    scene = wv.Scene(device=device)
-    scene.add(
-        trimesh.creation.icosphere(subdivisions=3, radius=0.4), name="ball", pose=(3, 0, 0, 0, 0, 0, 1), movable=True
-    )
-    scene.add(trimesh.creation.box(extents=(0.4, 1.0, 2.0)), name="box", pose=(1.5, 0.38, 0, 0, 0, 0, 1), movable=True)
-    return scene
-
-
-START = np.array([*(0, 0, 0.05), *wv.look_at((0, 0, 0.05), (3, 0, 0)).reshape(-1)[3:7]])
 FINE = 8
 
 

@@ -60,6 +60,21 @@ def sum_coverage(
     wp.atomic_add(areas_out, view, strip, area)
 
 
+@wp.kernel
+def sum_area_strips(
+    # In:
+    strips_in: wp.array2d[wp.float64],
+    # Out:
+    areas_out: wp.array[wp.float32],
+):
+    """Add the areas of the strips of each view [px]."""
+    view = wp.tid()
+    area = wp.float64(0.0)
+    for strip in range(strips_in.shape[1]):
+        area += strips_in[view, strip]
+    areas_out[view] = wp.float32(area)
+
+
 @wp.func
 def is_second(edge: Boundary, is_inside: bool) -> bool:
     """Return whether the edge between two pixels is in the second one; `is_inside` if the first sees the object."""

@@ -53,33 +53,34 @@ class Coverage:
         self._targets: tuple[object, dict[tuple[str, ...], wp.array]] = None, {}
 
     def areas(
-        self, names: tuple[str, ...], camera_to_world: wp.array, worlds: Worlds, images: ImagesByName
-    ) -> wp.array:
-        """Return the areas of objects [px] in strips of each view, ``(V, strips)`` float64.
+        self, names: tuple[str, ...], camera_to_world: wp.array, worlds: Worlds, images: ImagesByName, out: wp.array
+    ) -> None:
+        """Write the areas of objects [px] in each view.
 
         Args:
             names: The objects, whose areas are added.
             camera_to_world: Poses of the render, ``(V,)`` transform, in the camera's axes.
             worlds: Worlds of the render.
             images: Its images ``segmentation`` and ``faces``.
+            out: The areas, ``(V,)`` float32.
         """
-        from warpvis.kernels.gradients.coverage import sum_coverage
+        from warpvis.kernels.gradients.coverage import sum_area_strips, sum_coverage
 
         shown = _images(images)
         strips, span = self._strips(shown)
-        areas = self._zeros((len(camera_to_world), strips), wp.float64)
+        of_strips = self._zeros((len(camera_to_world), strips), wp.float64)
         surfaces, _ = self._current_surfaces({})
         scene = [surfaces, worlds, self._flags(names)]
         launch_images(
             sum_coverage,
             (len(camera_to_world), strips, self._camera.width),
-            lambda window: [*scene, self._table, camera_to_world, window, shown, _STRIP_ROWS, span, areas],
+            lambda window: [*scene, self._table, camera_to_world, window, shown, _STRIP_ROWS, span, of_strips],
             device=self._scene.device,
             threads=self._threads,
             span=span,
             min_pixels=1,
         )
-        return areas
+        launch(sum_area_strips, out.shape, [of_strips, out], self._scene.device)
 
     def masks(
         self, names: tuple[str, ...], camera_to_world: wp.array, worlds: Worlds, images: ImagesByName, out: wp.array
@@ -195,6 +196,13 @@ class Coverage:
         return surfaces, first_vertex
 
 
+def check_meshes(scene: Scene) -> None:
+    """Raise a `SceneError` if a scene contains round solids, which have no edges."""
+    for item in scene.objects:
+        if item.solid is not None:
+            raise SceneError(f"scene must contain only meshes for areas of objects, got the round solid {item.name!r}")
+
+
 def _images(images: ImagesByName) -> Images:
     return images_struct({name: as_image(images[name]) for name in COVERAGE_IMAGES})
 
@@ -208,9 +216,8 @@ def _make_surfaces(scene: Scene) -> tuple[Surfaces, list[int]]:
     neighbors: list[NDArray[np.int32]] = []
     first_vertex, first_face = [0], [0]
     known: dict[int, NDArray[np.int32]] = {}
+    check_meshes(scene)
     for item in scene.objects:
-        if item.solid is not None:
-            raise SceneError(f"scene must contain only meshes for areas of objects, got the round solid {item.name!r}")
         corners = item.frame_vertices
         if id(item.mesh) not in known:
             known[id(item.mesh)] = find_neighbors(corners, item.faces)

@@ -131,9 +131,9 @@ class DifferentiableRenderer:
         """Return the mask of pixels beside silhouettes, as `DepthGradients.silhouettes` does."""
         return self._gradients.silhouettes(poses, images)
 
-    def areas(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...]) -> wp.array:
-        """Return areas of objects, as `Coverage.areas` does."""
-        return self._coverage.areas(names, inputs.poses, self._worlds(inputs), images)
+    def areas(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], out: wp.array) -> None:
+        """Write areas of objects, as `Coverage.areas` does."""
+        self._coverage.areas(names, inputs.poses, self._worlds(inputs), images, out)
 
     def masks(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], out: wp.array) -> None:
         """Write masks of objects, as `Coverage.masks` does."""

@@ -165,8 +165,9 @@ def _measure(
             masks = torch.empty(shape, dtype=torch.float32, device=rows.device)
             renderer.masks(inputs, shown, names, as_array(masks, wp.float32))
             return [masks, *images]
-        areas = wp.to_torch(renderer.areas(inputs, shown, names))
-        return [areas.sum(dim=1).to(torch.float32), *images]
+        areas = torch.empty(shape[:1], dtype=torch.float32, device=rows.device)
+        renderer.areas(inputs, shown, names, as_array(areas, wp.float32))
+        return [areas, *images]
 
 
 @_measure.register_fake
