@@ -17,6 +17,7 @@ from warpvis.errors import SceneError
 from warpvis.rendering import differentiable
 
 from support.gradients import CAMERAS, NAMES, OBJECT_ROWS, ROW, Loss, build_scene, changes_of, flat_rays
+from support.jax_devices import jax_device  # noqa: F401
 
 jax = pytest.importorskip("jax")
 jnp = jax.numpy
@@ -24,18 +25,6 @@ wvj = pytest.importorskip("warpvis.jax")
 
 ALL = ("depth", "points", "normals", "labels", "segmentation", "faces")
 PINHOLE = CAMERAS["pinhole"]
-
-
-@pytest.fixture(autouse=True)
-def jax_device(request):
-    """Use the JAX device of the test's `device`, or the CPU."""
-    device = request.getfixturevalue("device") if "device" in request.fixturenames else "cpu"
-    try:
-        default = wp.device_to_jax(device)
-    except RuntimeError:
-        pytest.skip(f"JAX has no device {device}")
-    with jax.default_device(default):
-        yield
 
 
 @cache
