@@ -147,6 +147,7 @@ def map_cases(folder):
                 "sigma": 0.01,
                 "moving": "cart",
                 **WORLDS,
+                "groups": [0],
                 "huber": 2.0,
                 "max_distance": 0.2,
                 "min_cosine": 0.1,

@@ -13,6 +13,7 @@ import trimesh
 from PIL import Image
 
 import warpvis as wv
+from warpvis.core.poses import poses_to_matrices
 from warpvis.scene.materials import Appearance
 from warpvis.scenes import EXPERIMENTS
 
@@ -234,7 +235,11 @@ def _registration(folder):
     postures = {"shoulder": [0.4, 0.0, 0.6, 1.2], "elbow": [0.75, 0.5, 1.0, -0.8]}
     images = wv.render(robot, camera, [view] * 4, outputs="depth", object_poses=robot.joints.poses(postures)).depth
     arm = {"arm_depth": images.numpy()[0], "posture_depth": images.numpy()[1:]}
-    return given | arm | {"arm_view": view, "arm_estimate": estimate}
+    hands = poses_to_matrices([wv.look_at(eye, (2, 0, 0.7)) for eye in [(0.5, -1, 1.5), (1, -1, 1.2), (0, 0, 1.8)]])
+    guesses = np.tile(np.eye(4), (2, 1, 1))
+    guesses[:, 0, 3] = 0.02, 0.05
+    hand = {"hands": hands, "guesses": guesses, "hand_depth": wv.render(scene, camera, hands, outputs="depth").depth}
+    return given | arm | hand | {"arm_view": view, "arm_estimate": estimate}
 
 
 def _calibration_files(folder):

@@ -155,6 +155,7 @@ from reference_points import (  # noqa: F401
     judge_points_packets,
     project_points,
 )
+from reference_pose_groups import add_groups, move_views, spread_sums  # noqa: F401
 from reference_poses import poses_from_matrices, poses_to_opencv, quaternions_to_xyzw  # noqa: F401
 from reference_random import draw_normals, draw_uniforms  # noqa: F401
 from reference_rangefinders import read_rangefinder_rows, read_rangefinders  # noqa: F401

@@ -37,7 +37,8 @@ SAYS = {
     "learned_noise.py": r"27756 weights learn from 128 images(.|\n)*loss -2\.\d\d\ndepth \[m\](.|\n)*"
     r"\d\d% of the holes are imitated",
     "lens.py": r"pinhole: 51\.9% of the image shows the room(.|\n)*lens: 43\.2% of",
-    "hand_eye_calibration.py": r"before: 50\.00 mm, 5\.000 degrees\n(.|\n)*11 images: [01]\.\d+ mm, 0\.0\d+ degrees",
+    "hand_eye_calibration.py": r"overhead camera, before: 50\.00 mm, 5\.000 degrees\n(.|\n)*11 images: 0\.\d+ mm, 0\.0"
+    r"(.|\n)*wrist camera, before: 50\.00 mm, 5\.000 degrees\n(.|\n)*11 images: 1\.\d+ mm, 0\.[01]",
     "lidar_to_map.py": r"start: 500\.0 mm, 5\.000 degrees\nregistered: [01]\.\d mm, 0\.0\d+ degrees\n"
     r"384 starts: [2-3]\d end within (.|\n)*best: [01]\.\d mm, .* 99\.\d% inliers",
     "lidar.py": r"131072 points, 425\d\d of beams between",

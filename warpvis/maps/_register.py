@@ -22,6 +22,7 @@ from warpvis.core.threads import check_threads
 from warpvis.core.types import ArrayInput, Excluded, ObjectPoses, PoseLike
 from warpvis.errors import ArrayError, CameraError, SceneError
 from warpvis.maps._depth_sigma import KNOT_STEP, KNOTS, Sigma, tabulate_sigma
+from warpvis.maps._register_groups import GroupSolver, parse_groups
 from warpvis.maps._register_joints import JointSolver
 from warpvis.maps._register_poses import PoseSolver
 from warpvis.maps._register_sums import DepthSums
@@ -45,6 +46,7 @@ def register(
     object_poses: ObjectPoses = None,
     world_index: ArrayInput | None = None,
     joint_positions: JointValues | None = None,
+    groups: ArrayInput | None = None,
     exclude: Excluded = None,
     huber: float = 1.345,
     max_distance: float = 0.5,
@@ -78,6 +80,9 @@ def register(
         world_index: As for `Renderer.render`.
         joint_positions: Values of the scene's joints, which replace `object_poses`: as for `JointTree.link_poses`. With
             joints in `moving`, these are the initial positions.
+        groups: Group of each view, ``(V,)`` integers from 0, which are read on the host; by default each view is its
+            own. Views of a group move together: by one motion in the frame of the camera, or of the object, or by one
+            offset of each joint. Thus one pose or mounting is found from several images.
         exclude: As for `Renderer.render`.
         huber: Number of standard deviations above which residuals have less weight; ``math.inf`` for least squares.
         max_distance: Distance between measured point and rendered surface up to which a pixel is used [m]. It should be
@@ -122,7 +127,7 @@ def register(
     device, threads = scene.device, check_threads(threads)
     poses = parse_poses(rows, convention=axes, device=device)
     images = _read_depth(depth, camera, device)
-    count = max(len(poses), len(images), _count_worlds(object_poses, world_index))
+    count = max(len(poses), len(images), _count_worlds(object_poses, world_index), _count_groups(groups))
     weighting = _weighting(camera, huber, max_distance, min_cosine, max_jump)
     tolerance = check_length(tolerance, "tolerance", zero=False)
     iterations = check_whole(iterations, "iterations")
@@ -136,6 +141,7 @@ def register(
     if len(poses) != count:
         poses = take_rows(poses, np.zeros(count, dtype=np.int32))
     worlds = parse_worlds(scene, count, object_poses, world_index, exclude)
+    group = None if groups is None else parse_groups(groups, count)
     if device.is_cpu and quaternion == "xyzw":
         warn_of_order(camera_to_world, axes)
 
@@ -144,9 +150,12 @@ def register(
         bodies = joints.bodies()
         columns = np.where(columns < 0, -1, bodies[columns])
         sums = DepthSums(scene, camera, images, sigmas, weighting, threads, columns, sorted({*bodies.tolist()} - {-1}))
-        return JointSolver(sums, joints, poses, worlds, tolerance, iterations).run(axes)
+        return JointSolver(sums, joints, poses, worlds, tolerance, iterations, group).run(axes)
     sums = DepthSums(scene, camera, images, sigmas, weighting, threads, columns, [column])
-    return PoseSolver(sums, tolerance, iterations).run(poses, worlds, axes)
+    solver = (
+        PoseSolver(sums, tolerance, iterations) if group is None else GroupSolver(sums, tolerance, iterations, group)
+    )
+    return solver.run(poses, worlds, axes)
 
 
 def _joint_names(moving: object) -> tuple[str, ...]:
@@ -182,6 +191,11 @@ def _count_worlds(object_poses: ObjectPoses, world_index: ArrayInput | None) -> 
     shape = np.shape(object_poses) if shape is None else shape
     is_transforms = isinstance(object_poses, wp.array) and object_poses.dtype is wp.transform
     return max(int(shape[0]), 1) if len(shape) == (2 if is_transforms else 3) else 1
+
+
+def _count_groups(groups: ArrayInput | None) -> int:
+    """Return the number of views that groups imply."""
+    return len(groups) if groups is not None and hasattr(groups, "__len__") else 1
 
 
 def _read_depth(depth: ArrayInput, camera: AnyCamera, device: wp.Device) -> wp.array:

@@ -51,8 +51,19 @@ class JointSolver:
         worlds: Any,
         tolerance: float,
         iterations: int,
+        groups: NDArray[np.int32] | None = None,
     ) -> None:
-        """Initialize with camera poses, ``(V,)`` transform, and worlds that have the initial poses of objects."""
+        """Initialize.
+
+        Args:
+            sums: The sums of each moving body.
+            joints: The joints that move.
+            poses: Camera poses, ``(V,)`` transform.
+            worlds: Worlds with the initial poses of objects.
+            tolerance: Step at which iterations end.
+            iterations: Maximum number of steps.
+            groups: Group of each view, numbered without gaps, whose positions have one offset; None for one per view.
+        """
         from warpvis.kernels.casting.worlds import Worlds
 
         self.sums, self.joints, self.poses = sums, joints, poses
@@ -62,8 +73,16 @@ class JointSolver:
         self.world = indices if worlds.world is None or not worlds.world.size else worlds.world.numpy()
         self.worlds = Worlds()
         self.worlds.excluded = worlds.excluded
-        self.best = joints.positions[self.world]
+        self.groups = np.arange(count) if groups is None else groups
+        # Positions are those of the first view of each group. Those of its other views differ by `offsets`.
+        initial, count = joints.positions[self.world], int(self.groups.max()) + 1
+        self.best = initial[np.unique(self.groups, return_index=True)[1]]
         self.trial = self.best.copy()
+        self.offsets = initial - self.best[self.groups]
+        lower, upper = joints.limits.T
+        self.lower, self.upper = np.full(self.best.shape, -np.inf), np.full(self.best.shape, np.inf)
+        np.maximum.at(self.lower, self.groups, lower - self.offsets)
+        np.minimum.at(self.upper, self.groups, upper - self.offsets)
         self.object_poses = joints.poses[self.world]
         self.status = np.zeros(count, dtype=np.int32)
         self.iterations = np.zeros(count, dtype=np.int32)
@@ -86,25 +105,36 @@ class JointSolver:
         return self._results(axes)
 
     def _sum(self, running: NDArray[np.integer]) -> _Sums:
-        """Return the sums of some views at their trial positions; waits for the device."""
-        self.object_poses[running], jacobians = self.joints.evaluate(self.trial[running], self.world[running])
+        """Return the sums of some groups at their trial positions; waits for the device."""
+        slots = np.full(len(self.best), -1)
+        slots[running] = np.arange(len(running))
+        views = np.flatnonzero(slots[self.groups] >= 0)
+        groups = self.groups[views]
+        positions = self.trial[groups] + self.offsets[views]
+        self.object_poses[views], jacobians = self.joints.evaluate(positions, self.world[views])
         self.worlds.object_poses = wp.array(self.object_poses, dtype=wp.transform, device=self.sums.device)
-        for first in range(0, len(running), self.block):
-            self.sums.add(running[first : first + self.block], self.poses, self.worlds, self.memory)
-        rows = np.stack([sums.numpy()[running] for sums in self.memory], axis=1)  # (view, body, sum)
+        for first in range(0, len(views), self.block):
+            self.sums.add(views[first : first + self.block], self.poses, self.worlds, self.memory)
+        rows = np.stack([sums.numpy()[views] for sums in self.memory], axis=1)  # (view, body, sum)
         jacobians = jacobians[:, list(self.sums.bodies)]
         matrices, sides = rows[..., :36].reshape(*rows.shape[:2], 6, 6), rows[..., 36:42, None]
         transposed = jacobians.swapaxes(2, 3)
+
+        def add(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            total = np.zeros((len(running), *values.shape[1:]))
+            np.add.at(total, slots[groups], values)
+            return total
+
         return _Sums(
-            (transposed @ matrices @ jacobians).sum(axis=1),
-            (transposed @ sides).sum(axis=1)[..., 0],
-            rows[:, 0, 42],
-            rows[..., 43].sum(axis=1),
-            rows[:, 0, 44],
+            add((transposed @ matrices @ jacobians).sum(axis=1)),
+            add((transposed @ sides).sum(axis=1)[..., 0]),
+            add(rows[:, 0, 42]),
+            add(rows[..., 43].sum(axis=1)),
+            add(rows[:, 0, 44]),
         )
 
     def _step(self, rows: NDArray[np.integer], sums: _Sums, is_last: bool) -> None:
-        """Accept or reject the trial positions of some views, and compute the next ones: as `step_poses`."""
+        """Accept or reject the trial positions of some groups, and compute the next ones: as `step_poses`."""
         from warpvis.kernels.gradients import pose_steps as steps
 
         is_first = self.iterations[rows] == 0
@@ -122,10 +152,11 @@ class JointSolver:
         self.status[rows[is_stopped]] = steps.STOPPED
         rows, is_first, damping = rows[~is_stopped], is_first[~is_stopped], damping[~is_stopped]
 
-        best = self.best[rows]
-        lower, upper = self.joints.limits.T
+        best, lower, upper = self.best[rows], self.lower[rows], self.upper[rows]
         matrices = self.accepted.H[rows]
-        step = self._solve(best, matrices, self.accepted.b[rows], damping)
+        sides = self.accepted.b[rows]
+        is_stopped = ((best <= lower) & (sides > 0)) | ((best >= upper) & (sides < 0))
+        step = self._solve(matrices, sides, damping, is_stopped)
         change = np.clip(best + step, lower, upper) - best
         lengths = np.einsum("vi,vij,vj->v", change, matrices, change)
         is_repeated = ~is_first & (lengths <= float(steps.REPEATED)) & (lengths >= self.lengths[rows])
@@ -143,15 +174,13 @@ class JointSolver:
 
     def _solve(
         self,
-        positions: NDArray[np.float64],
         matrices: NDArray[np.float64],
         sides: NDArray[np.float64],
         damping: NDArray[np.float64],
+        is_stopped: NDArray[np.bool_],
     ) -> NDArray[np.float64]:
         """Return damped steps, 0 for joints whose links are invisible and for those that a limit stops."""
-        lower, upper = self.joints.limits.T
         diagonal = np.diagonal(matrices, axis1=1, axis2=2)
-        is_stopped = ((positions <= lower) & (sides > 0)) | ((positions >= upper) & (sides < 0))
         is_free = (diagonal > 0) & ~is_stopped
         scales = np.ones(diagonal.shape)
         for joints in (self.joints.is_rotation, ~self.joints.is_rotation):
@@ -160,7 +189,7 @@ class JointSolver:
             scales = np.where(used, damping[:, None] * mean[:, None], scales)
         free = matrices * is_free[:, :, None] * is_free[:, None, :]
         damped = free + scales[:, :, None] * np.eye(matrices.shape[-1])
-        return np.linalg.solve(damped, -(sides * is_free)[..., None])[..., 0]
+        return np.linalg.solve(damped, -(sides * is_free)[..., None])[..., 0].astype(np.float64)
 
     def _results(self, axes: Convention) -> Registration:
         from warpvis.kernels.gradients.pose_steps import CONVERGED
@@ -168,9 +197,10 @@ class JointSolver:
         device, accepted = self.sums.device, self.accepted
 
         def upload(values: NDArray, dtype: type) -> wp.array:
-            return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device)
+            return wp.array(np.ascontiguousarray(values[self.groups]), dtype=dtype, device=device)
 
-        poses, object_poses = wp.clone(self.poses), self.joints.evaluate(self.best, self.world)[0]
+        positions = self.best[self.groups] + self.offsets
+        poses, object_poses = wp.clone(self.poses), self.joints.evaluate(positions, self.world)[0]
         if axes != "opencv":
             poses = parse_poses(poses, convention="opencv", axes=axes, device=device)
         return Registration(
@@ -183,8 +213,8 @@ class JointSolver:
             upload(accepted.measured.astype(np.int32), wp.int32),
             upload((self.status == CONVERGED).astype(np.uint8), wp.uint8),
             upload(self.iterations, wp.int32),
-            upload(object_poses, wp.transform),
-            upload(self.best, wp.float64),
+            wp.array(object_poses, dtype=wp.transform, device=device),
+            wp.array(positions, dtype=wp.float64, device=device),
         )
 
 

@@ -38,15 +38,38 @@ class PoseSolver:
 
     def _solve(self, poses: wp.array, worlds: Any) -> tuple[wp.array, Any]:
         """Return the moved poses, ``(V, 1)`` or ``(V, M)``, and the state of the solver."""
+        count = len(poses)
+        moved, state = self._initial(poses, worlds), self._state(count)
+        sums = wp.zeros((count, NUM_SUMS), dtype=wp.float64, device=self.device)
+        poses, worlds = self._shown(poses, moved, worlds)
+        for block in self.sums.blocks(count):
+            self._run_block(block, poses, moved, worlds, state, sums)
+        return moved, state
+
+    def _initial(self, poses: wp.array, worlds: Any) -> wp.array:
+        """Return the poses that will be moved, ``(V, 1)``, or with those of all movable objects, ``(V, M)``."""
         from warpvis.kernels.gradients.normal_equations import spread_object_poses
+
+        if self.column < 0:
+            return wp.clone(poses).reshape((len(poses), 1))
+        moved = wp.empty((len(poses), worlds.object_poses.shape[1]), dtype=wp.transform, device=self.device)
+        launch(spread_object_poses, moved.shape, [worlds, moved], self.device)
+        return moved
+
+    def _shown(self, poses: wp.array, moved: wp.array, worlds: Any) -> tuple[wp.array, Any]:
+        """Return camera poses and worlds that share the memory of the moved poses."""
+        from warpvis.kernels.casting.worlds import Worlds
+
+        if self.column < 0:
+            return moved.reshape((len(poses),)), worlds
+        shown = Worlds()
+        shown.object_poses, shown.excluded = moved, worlds.excluded
+        return poses, shown
+
+    def _state(self, count: int) -> Any:
+        """Return the first state of the solver of this many poses."""
         from warpvis.kernels.gradients.pose_steps import SolverState
 
-        count = len(poses)
-        if self.column < 0:
-            moved = wp.clone(poses).reshape((count, 1))
-        else:
-            moved = wp.empty((count, worlds.object_poses.shape[1]), dtype=wp.transform, device=self.device)
-            launch(spread_object_poses, moved.shape, [worlds, moved], self.device)
         state = SolverState()
         state.status = wp.zeros(count, dtype=wp.int32, device=self.device)
         state.iterations = wp.zeros(count, dtype=wp.int32, device=self.device)
@@ -54,26 +77,17 @@ class PoseSolver:
         state.lengths = wp.zeros(count, dtype=wp.float64, device=self.device)
         state.best = wp.empty(count, dtype=wp.transform, device=self.device)
         state.sums = wp.zeros((count, NUM_SUMS), dtype=wp.float64, device=self.device)
-        sums = wp.zeros((count, NUM_SUMS), dtype=wp.float64, device=self.device)
-        for block in self.sums.blocks(count):
-            self._run_block(block, poses, moved, worlds, state, sums)
-        return moved, state
+        return state
 
     def _run_block(
         self, block: slice, poses: wp.array, moved: wp.array, worlds: Any, state: Any, sums: wp.array
     ) -> None:
         """Register some views: all of them in each iteration on CUDA, those that are not finished on a CPU."""
-        from warpvis.kernels.casting.worlds import Worlds
         from warpvis.kernels.gradients.pose_steps import SolverState, step_poses
 
         part = SolverState()
         for name in ("status", "iterations", "damping", "lengths", "best", "sums"):
             setattr(part, name, getattr(state, name)[block])
-        if self.column < 0:
-            poses = moved.reshape((len(poses),))
-        else:
-            excluded, worlds = worlds.excluded, Worlds()
-            worlds.object_poses, worlds.excluded = moved, excluded
         sums_in, moved_out = sums[block], moved[block]
         numbers = np.arange(block.start, block.stop, dtype=np.int32)
         chosen: slice | NDArray[np.integer] = block

@@ -19,6 +19,9 @@ class Registration:
     Twists are (rotation [rad], translation [m]) in the world frame: a small twist ``(r, t)`` moves the camera or the
     object by the rotation r about its own origin and the translation t, both along the axes of the world. If J joints
     were moved, their positions replace the twist: `covariance` and `H` have shape ``(V, J, J)``, and `b` ``(V, J)``.
+
+    With `groups`, all fields but the poses and positions are those of the view's group, the twist along the axes of
+    the world being that of the view.
     """
 
     poses: wp.array
