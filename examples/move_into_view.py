@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Move cameras until they see a hidden object, by the gradient of its visible fraction.
+"""Move cameras until they see a hidden object, by gradients of masks.
 
     pip install 'warpvis[torch,viz]'
     python examples/move_into_view.py --out move_into_view.png
 
-A mug is behind a low screen, between a lamp and a shelf. Eight cameras on an arc see little of it; each is moved by
-gradient ascent, with a small cost of distance, while it looks at the mug.
+A mug is behind a low screen, between a lamp and a shelf. Of eight cameras on an arc, seven see nothing of it; each is
+moved by gradient ascent, with a small cost of distance, while it looks at the mug. A mug that is entirely hidden has no
+gradient itself: the mask of what hides it is blurred, so that each hidden pixel counts by its distance to the edge.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import warpvis as wv
 
 MUG = (0.0, 0.0, 0.8)
 STEPS = 80
+BLUR = 4  # standard deviation [px]
 
 
 def build_scene() -> wv.Scene:
@@ -48,6 +50,16 @@ def look_at(eyes, target, torch):
     return torch.cat([columns, last], dim=1)
 
 
+def blur(masks, torch):
+    """Return masks ``(V, H, W)`` after a Gaussian filter."""
+    offsets = torch.arange(-3 * BLUR, 3 * BLUR + 1)
+    weights = torch.exp(-(offsets**2) / (2 * BLUR**2))
+    weights = (weights / weights.sum()).reshape(1, 1, -1, 1)
+    padded = torch.nn.functional.pad(masks[:, None], [3 * BLUR] * 4, mode="replicate")
+    columns = torch.nn.functional.conv2d(padded, weights)
+    return torch.nn.functional.conv2d(columns, weights.mT)[:, 0]
+
+
 def main() -> None:
     """Print the visible fractions before and after, and draw one camera's pictures."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -60,20 +72,25 @@ def main() -> None:
     except ImportError:
         raise SystemExit("this example needs PyTorch: pip install 'warpvis[torch]'") from None
 
+    def soften(poses):
+        mug = warpvis.torch.soft_mask(scene, camera, poses, "mug", occluded=False)
+        hidden = warpvis.torch.soft_mask(scene, camera, poses, ["screen", "shelf", "lamp"])
+        return (mug * blur(1 - hidden, torch)).sum(dim=(1, 2)) / mug.sum(dim=(1, 2))
+
     scene, camera = build_scene(), wv.Camera.from_fov(160, 120, hfov=0.6, near=0.05, far=10.0)
     angles = np.linspace(-0.75, 0.55, 8)
-    starts = np.stack([1.2 * np.cos(angles), 1.2 * np.sin(angles), np.full(8, 1.05)], axis=1)
+    starts = np.stack([1.2 * np.cos(angles), 1.2 * np.sin(angles), np.full(8, 0.9)], axis=1)
     start, target = torch.tensor(starts, dtype=torch.float32), torch.tensor(MUG)
     eyes = start.clone().requires_grad_()
     optimizer = torch.optim.Adam([eyes], lr=0.02)
     fractions = []
     for _ in range(STEPS):
-        visible = warpvis.torch.visible_fraction(scene, camera, look_at(eyes, target, torch), "mug")
-        loss = (-visible + 0.1 * (eyes - start).square().sum(dim=1)).sum()
+        poses = look_at(eyes, target, torch)
+        loss = (-soften(poses) + 0.1 * (eyes - start).square().sum(dim=1)).sum()
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-        fractions.append(visible.detach().numpy())
+        fractions.append(warpvis.torch.visible_fraction(scene, camera, poses.detach(), "mug").numpy())
     moved = (eyes.detach() - start).norm(dim=1).numpy()
     for first, last, distance in zip(fractions[0], fractions[-1], moved, strict=True):
         print(f"{first:4.0%} of the mug visible, {last:4.0%} after a move of {distance:.2f} m")

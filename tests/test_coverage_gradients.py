@@ -137,6 +137,40 @@ def test_gradient_agrees_with_areas_of_finer_images():
     np.testing.assert_allclose(twists.grad.numpy(), expected, rtol=0, atol=0.05 * np.abs(expected).max())
 
 
+def test_blurred_masks_show_an_entirely_hidden_object(device):
+    """Where the visible fraction is constant, the fraction of a blurred mask of the occluder leads the camera.
+
+    Its gradient has the error of the antialiased area of the ball, 400 px.
+    """
+    scene, camera = hidden_scene(device), wv.Camera.from_fov(80, 60, hfov=0.9)
+    row = tensor([0, 0.2, 0.05, *START[3:]], device)
+    weights = torch.exp(-(torch.arange(-12.0, 13, device=row.device) ** 2) / 32)
+    weights = (weights / weights.sum()).reshape(1, 1, -1, 1)
+
+    def soften(move):
+        poses = torch.cat([row[:3] + move, row[3:]])[None]
+        ball = wt.soft_mask(scene, camera, poses, "ball", occluded=False)
+        padded = torch.nn.functional.pad(wt.soft_mask(scene, camera, poses, "box")[:, None], [12] * 4, mode="replicate")
+        blurred = torch.nn.functional.conv2d(torch.nn.functional.conv2d(padded, weights), weights.mT)[:, 0]
+        return poses, (ball * (1 - blurred)).sum() / ball.sum()
+
+    move = tensor([0, 0, 0], device, requires_grad=True)
+    poses, fraction = soften(move)
+    assert wt.visible_fraction(scene, camera, poses, "ball").item() == 0
+    fraction.backward()
+    steps = 0.02 * torch.eye(3, device=row.device)
+    with torch.no_grad():
+        slopes = torch.stack([(soften(step)[1] - soften(-step)[1]) / 0.04 for step in steps])
+    assert (move.grad - slopes).abs().max() < 0.1 * slopes.abs().max()
+
+    optimizer = torch.optim.Adam([move], lr=0.03)
+    for _ in range(40):
+        optimizer.zero_grad()
+        (-soften(move)[1]).backward()
+        optimizer.step()
+    assert wt.visible_fraction(scene, camera, soften(move)[0], "ball").item() > 0.9
+
+
 def test_ascent_shows_a_hidden_object(device):
     """A camera moves from where a box hides most of a ball to where it is visible."""
     scene, camera = hidden_scene(device), wv.Camera.from_fov(60, 45, hfov=0.7)

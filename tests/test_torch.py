@@ -278,6 +278,20 @@ def test_bad_input_is_one_sentence(change, message):
         wt.render(build_scene(), CAMERAS["pinhole"], arguments.pop("poses"), **arguments)
 
 
+@pytest.mark.parametrize("name", ["poses", "object_poses", "intrinsics"])
+def test_forward_mode_derivatives_are_an_error(name):
+    """They would be 0, since PyTorch drops tangents in custom operators."""
+    inputs = {"poses": tensor(ROW, "cpu"), "object_poses": tensor(OBJECT_ROWS, "cpu")}
+    inputs["intrinsics"] = torch.tensor(parameter_values(CAMERAS["pinhole"]))
+
+    def depth(value):
+        changed = {**inputs, name: value}
+        return wt.render(build_scene(), CAMERAS["pinhole"], changed.pop("poses"), **changed).depth
+
+    with pytest.raises(wv.errors.ArrayError, match="have no forward-mode derivatives"):
+        torch.func.jvp(depth, (inputs[name],), (torch.ones_like(inputs[name]),))
+
+
 def test_labels_have_no_gradient():
     images = wt.render(build_scene(), CAMERAS["pinhole"], tensor(ROW, "cpu", requires_grad=True), outputs="labels")
     with pytest.raises(RuntimeError, match="does not require grad"):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import torch
 import warp as wp
 from torch import Tensor
+from torch.autograd import forward_ad
 
 from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
@@ -155,6 +156,19 @@ def _check_tensors(number: int, tensors: Sequence[Tensor | None]) -> None:
     for tensor in tensors:
         if tensor is not None and str(tensor.device) != expected:
             raise ArrayError(f"tensors must be on the scene's device, {expected}, got one on {tensor.device}")
+    _check_tangents(tensors)
+
+
+def _check_tangents(tensors: Sequence[Tensor | None]) -> None:
+    """Refuse forward-mode derivatives: PyTorch drops them in custom operators, as if they were 0."""
+    if torch.compiler.is_compiling():
+        return
+    for tensor in tensors:
+        if tensor is not None and tensor.is_floating_point() and forward_ad.unpack_dual(tensor).tangent is not None:
+            raise ArrayError(
+                "tensors must have no tangents, as in torch.func.jvp and jacfwd: renders have no forward-mode "
+                "derivatives; use torch.autograd.grad"
+            )
 
 
 def _check_vertices(vertices: Mapping[str, Tensor]) -> None:
@@ -173,6 +187,7 @@ def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
     if not isinstance(intrinsics, Tensor) or not intrinsics.is_floating_point() or intrinsics.shape != (len(names),):
         got = tuple(intrinsics.shape) if isinstance(intrinsics, Tensor) else type(intrinsics).__name__
         raise ArrayError(f"intrinsics must be a torch.Tensor of the {len(names)} numbers {', '.join(names)}, got {got}")
+    _check_tangents([intrinsics])
 
 
 @torch.compiler.assume_constant_result
