@@ -263,6 +263,33 @@ def test_neighbors_of_split_vertices_and_open_meshes():
     assert (find_neighbors(corners, fan) == -1).all()
 
 
+@pytest.mark.parametrize("function", [wt.coverage, wt.visible_fraction, wt.soft_mask])
+@pytest.mark.parametrize("in_dims", [(0, 0), (None, 0), (0, None)])
+def test_vmap_measures_worlds(device, function, in_dims):
+    scene, camera = hidden_scene(device), wv.Camera.from_fov(40, 30, hfov=0.7)
+    base = np.array([item.pose for item in scene.objects])
+    worlds = tensor(np.stack([base, base + [0, 0.1, 0, 0, 0, 0, 0]]), device)
+    poses = tensor(np.stack([START, START + [0, 0, 0.1, 0, 0, 0, 0]])[:, None], device)
+    full = [poses if in_dims[0] == 0 else poses[0], worlds if in_dims[1] == 0 else worlds[1]]
+    gradients = []
+    for is_mapped in (True, False):
+        inputs = [value.clone().requires_grad_() for value in full]
+
+        def measure(pose, objects):
+            return function(scene, camera, pose, "ball", object_poses=objects)
+
+        if is_mapped:
+            found = torch.vmap(measure, in_dims=in_dims)(*inputs)
+        else:
+            found = torch.stack(
+                [measure(*(v if dim is None else v[k] for v, dim in zip(inputs, in_dims, strict=True))) for k in (0, 1)]
+            )
+        found.square().sum().backward()
+        gradients.append([found.detach(), *(value.grad for value in inputs)])
+    for got, expected in zip(*gradients, strict=True):
+        torch.testing.assert_close(got, expected, rtol=1e-5, atol=1e-4)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -271,6 +298,7 @@ def test_neighbors_of_split_vertices_and_open_meshes():
         ({"camera": CAMERAS["lidar"]}, "camera must have pixels with neighbors for areas of objects, got a list"),
         ({"poses": torch.zeros(1, 6)}, r"poses must have shape \(V, 7\)"),
         ({"vertices": {"ball": torch.zeros(3)}}, "vertices of 'ball' must be a float32 torch.Tensor"),
+        ({"occluded": "no"}, "occluded must be True or False, got 'no'"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(change, message):

@@ -37,6 +37,18 @@ def test_mask_matches_twin(name, device):
     assert 0.05 < mask.float().mean() < 0.6
 
 
+def test_vmap_marks_the_same_pixels(device):
+    scene, camera = build_scene(device), CAMERAS["pinhole"]
+    objects = tensor(OBJECT_ROWS, device)
+    poses = tensor(np.stack([ROW, ROW + [0.1, 0, 0, 0, 0, 0, 0]])[:, None], device)
+
+    def mark(pose):
+        images = wt.render(scene, camera, pose, object_poses=objects, outputs=IMAGES)
+        return wt.silhouette_mask(scene, camera, pose, images)
+
+    assert torch.equal(torch.vmap(mark)(poses), torch.stack([mark(poses[0]), mark(poses[1])]))
+
+
 @pytest.mark.parametrize("name", WITH_IMAGES)
 def test_other_pixels_see_the_same_surface_after_a_small_motion(name, device):
     """Motions by a third of a pixel change the object only within the mask."""

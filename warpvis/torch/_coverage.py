@@ -12,12 +12,12 @@ import warp as wp
 from torch import Tensor
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.core.checks import as_items
+from warpvis.core.checks import as_items, check_flag
 from warpvis.errors import CameraError, SceneError
 from warpvis.rendering.coverage import COVERAGE_IMAGES
 from warpvis.rendering.differentiable import numbered_renderer
 from warpvis.scene import Scene
-from warpvis.torch._cast import _add_worlds, as_array, as_images, as_inputs, on_stream
+from warpvis.torch._cast import _add_worlds, as_array, as_images, as_inputs, flatten, on_stream
 from warpvis.torch._poses import as_rows
 from warpvis.torch._render import _check_tensors, _check_vertices, _number
 
@@ -58,7 +58,7 @@ def coverage(
         SceneError: If the scene has no object of a name, or contains round solids.
     """
     inputs = object_poses, world_index, vertices
-    return _measure(*_parse(scene, camera, poses, names, *inputs), occluded, False)[0]
+    return _measure(*_parse(scene, camera, poses, names, *inputs), check_flag(occluded, "occluded"), False)[0]
 
 
 def soft_mask(
@@ -85,7 +85,7 @@ def soft_mask(
     >>> loss = 1 - (mask * measured).sum() / (mask + measured - mask * measured).sum()  # intersection over union
     """
     inputs = object_poses, world_index, vertices
-    return _measure(*_parse(scene, camera, poses, names, *inputs), occluded, True)[0]
+    return _measure(*_parse(scene, camera, poses, names, *inputs), check_flag(occluded, "occluded"), True)[0]
 
 
 def visible_fraction(
@@ -184,6 +184,13 @@ def _(
     shape = len(rows), *numbered_renderer(number).camera.shape
     images = [rows.new_empty(shape, dtype=torch.int32) for _ in COVERAGE_IMAGES]
     return [rows.new_empty(shape if with_mask else shape[:1]), *images]
+
+
+@_measure.register_vmap
+def _(info: Any, in_dims: tuple[Any, ...], *arguments: Any) -> tuple[list[Tensor], list[int]]:
+    *inputs, indices, number, occluded, with_mask = arguments
+    results = _measure(*flatten(info, (*in_dims[:4], None), tuple(inputs)), indices, number, occluded, with_mask)
+    return [result.unflatten(0, (info.batch_size, -1)) for result in results], [0] * len(results)
 
 
 @torch.library.custom_op("warpvis::coverage_backward", mutates_args=())

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 import warp as wp
 from torch import Tensor
@@ -13,7 +15,7 @@ from warpvis.errors import ArrayError
 from warpvis.rendering.differentiable import numbered_renderer, pixel_type
 from warpvis.rendering.gradients import NEEDED_IMAGES
 from warpvis.scene import Scene
-from warpvis.torch._cast import as_array, on_stream
+from warpvis.torch._cast import as_array, batch_first, on_stream
 from warpvis.torch._poses import as_rows
 from warpvis.torch._render import Images, _check_tensors, _number
 
@@ -70,3 +72,12 @@ def _mark(rows: Tensor, images: list[Tensor], number: int) -> Tensor:
 @_mark.register_fake
 def _(rows: Tensor, images: list[Tensor], number: int) -> Tensor:
     return images[0].new_empty(images[0].shape, dtype=torch.uint8)
+
+
+@_mark.register_vmap
+def _(info: Any, in_dims: tuple[Any, ...], rows: Tensor, images: list[Tensor], number: int) -> tuple[Tensor, int]:
+    tensors = [
+        batch_first(tensor, dim, info.batch_size).flatten(0, 1)
+        for tensor, dim in zip([rows, *images], [in_dims[0], *in_dims[1]], strict=True)
+    ]
+    return _mark(tensors[0], tensors[1:], number).unflatten(0, (info.batch_size, -1)), 0
