@@ -304,7 +304,7 @@ def test_vmap_measures_worlds(device, function, in_dims):
 def test_bad_input_is_one_sentence(change, message):
     arguments = {"camera": CAMERAS["pinhole"], "poses": tensor(START[None], "cpu"), "names": "ball", **change}
     with pytest.raises(wv.WarpvisError, match=message):
-        wt.visible_fraction(hidden_scene(), **arguments)
+        wt.coverage(hidden_scene(), **arguments)
 
 
 def test_round_solids_are_an_error():
