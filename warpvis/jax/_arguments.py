@@ -78,6 +78,8 @@ def as_rows(poses: ArrayLike, name: str, axes: int, scene: Scene) -> Array:
     """Return poses as rows of at most `axes` leading axes."""
     array = as_array(poses, name, jnp.float32, scene)
     if array.shape[-2:] == (4, 4):
+        if scene.device.is_cpu and array.size and not isinstance(array, jax.core.Tracer):
+            host_poses(np.asarray(array).reshape(-1, 4, 4), name=name)  # rows of wrong matrices are unit quaternions
         array = matrices_to_rows(array)
     elif array.shape[-1:] != (7,):
         raise PoseError(f"{name} must be rows of 7 numbers or matrices of shape (4, 4), got shape {array.shape}")

@@ -22,7 +22,7 @@ from warpvis.jax._arguments import parse_arrays
 from warpvis.jax._batches import add_worlds, join_images, join_members, map_members
 from warpvis.jax._foreign import Arrays, Spec, call_foreign, image_inputs, split_arrays
 from warpvis.rendering.coverage import COVERAGE_IMAGES, check_meshes
-from warpvis.rendering.differentiable import numbered_renderer, pixel_type, renderer_number
+from warpvis.rendering.differentiable import check_vertices, numbered_renderer, pixel_type, renderer_number
 from warpvis.scene import Scene
 
 
@@ -130,7 +130,7 @@ def _parse(
     vertices: Mapping[str, ArrayLike] | None,
 ) -> tuple[int, tuple[int, ...], Arrays]:
     """Check the arguments of `coverage`, and return the renderer's number, indices of the objects, and arrays."""
-    vertices = {} if vertices is None else vertices
+    vertices = check_vertices(vertices)
     number = renderer_number(scene, camera, deforming=tuple(vertices), caster="auto", threads=None)
     listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
     indices = tuple(scene.index(name) for name in listed)

@@ -95,7 +95,7 @@ def render(
         SceneError: If an object of `colors` is a solid, or has no texture coordinates for a texture.
     """
     names = differentiable.check_image_names(outputs, "color")
-    vertices = {} if vertices is None else vertices
+    vertices = differentiable.check_vertices(vertices)
     number = differentiable.renderer_number(scene, camera, deforming=tuple(vertices), caster=caster, threads=threads)
     arrays = parse_arrays(scene, camera, poses, object_poses, world_index, vertices, intrinsics)
     given = _parse_colors(number, {} if colors is None else colors, names)

@@ -284,6 +284,15 @@ def check_image_names(outputs: object, *others: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
+def check_vertices(vertices: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return given vertices by name of the object."""
+    if vertices is None:
+        return {}
+    if not isinstance(vertices, Mapping):
+        raise ArrayError(f"vertices must be arrays by name of the object, got {type(vertices).__name__}")
+    return vertices
+
+
 def image_shape(name: str, views: int, camera: AnyCamera) -> tuple[int, ...]:
     """Return the shape of an image of all views, with its components."""
     return (views, *camera.shape, *([3] if pixel_type(name) in (wp.vec3, wp.vec3ub) else []))

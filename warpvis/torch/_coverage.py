@@ -15,11 +15,11 @@ from warpvis.cameras.base import AnyCamera
 from warpvis.core.checks import as_items, check_flag
 from warpvis.errors import CameraError, SceneError
 from warpvis.rendering.coverage import COVERAGE_IMAGES
-from warpvis.rendering.differentiable import numbered_renderer
+from warpvis.rendering.differentiable import check_vertices, numbered_renderer
 from warpvis.scene import Scene
 from warpvis.torch._cast import _add_worlds, as_array, as_images, as_inputs, flatten, on_stream
 from warpvis.torch._poses import as_rows
-from warpvis.torch._render import _check_tensors, _check_vertices, _number
+from warpvis.torch._render import _check_tensors, _check_vertices, _check_world_index, _number
 
 
 def coverage(
@@ -127,7 +127,7 @@ def _parse(
     vertices: Mapping[str, Tensor] | None,
 ) -> tuple[Tensor, Tensor | None, Tensor | None, list[Tensor], list[int], int]:
     """Check the arguments of `coverage`, and return those of the operator."""
-    vertices = {} if vertices is None else vertices
+    vertices = check_vertices(vertices)
     number = _number(scene, camera, tuple(vertices), "auto", None)
     listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
     indices = [scene.index(name) for name in listed]
@@ -137,6 +137,7 @@ def _parse(
         raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
     rows = as_rows(poses, "poses", ("V",))
     object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    _check_world_index(world_index)
     _check_vertices(vertices)
     _check_tensors(number, [rows, object_rows, world_index, *vertices.values()])
     return rows, object_rows, world_index, list(vertices.values()), indices, number

@@ -7,6 +7,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from warpvis.core.poses import host_poses
 from warpvis.errors import ArrayError, PoseError
 
 
@@ -20,11 +21,17 @@ def apply_twists(poses: Tensor, twists: Tensor) -> Tensor:
     Returns:
         Rows, ``(..., 7)``. At zero, gradients with respect to twists exist.
     """
-    if poses.shape[-1] != 7 or twists.shape[-1] != 6:
+    for name, value in (("poses", poses), ("twists", twists)):
+        if not isinstance(value, Tensor) or not value.is_floating_point():
+            got = value.dtype if isinstance(value, Tensor) else type(value).__name__
+            raise ArrayError(f"{name} must be a torch.Tensor of floating-point numbers, got {got}")
+    if poses.shape[-1:] != (7,) or twists.shape[-1:] != (6,):
         raise PoseError(
             f"poses and twists must have shapes (..., 7) and (..., 6), got {tuple(poses.shape)} and "
             f"{tuple(twists.shape)}"
         )
+    if poses.dtype != twists.dtype:
+        raise ArrayError(f"poses and twists must have the same dtype, got {poses.dtype} and {twists.dtype}")
     vector, translation = twists[..., :3], twists[..., 3:]
     angle = torch.linalg.vector_norm(vector, dim=-1, keepdim=True)
     turn = torch.cat([0.5 * torch.sinc(angle / (2 * torch.pi)) * vector, torch.cos(0.5 * angle)], dim=-1)
@@ -78,4 +85,17 @@ def as_rows(poses: Tensor, name: str, axes: tuple[str, ...]) -> Tensor:
     if rows.ndim != len(axes) + 1 or rows.shape[-1] != 7:
         shape = ", ".join(axes)
         raise PoseError(f"{name} must have shape ({shape}, 7) or ({shape}, 4, 4), got {tuple(poses.shape)}")
+    _check_values(poses, name)
     return rows
+
+
+def _check_values(poses: Tensor, name: str) -> None:
+    """Check poses on the CPU as `Renderer.render` does, which sees only the rows of matrices."""
+    if poses.device.type != "cpu" or torch.compiler.is_compiling():
+        return
+    try:
+        values = poses.detach().numpy()
+    except RuntimeError:  # tensors without memory, as in torch.vmap
+        return
+    if values.size:
+        host_poses(values.reshape(-1, *values.shape[values.ndim - (1 if values.shape[-1] == 7 else 2) :]), name=name)

@@ -70,7 +70,7 @@ def render(
         poses: Camera to world in the camera's axes, float32: rows ``x y z qx qy qz qw``, ``(V, 7)`` or ``(7,)``, with
             unit quaternions, or matrices, ``(V, 4, 4)`` or ``(4, 4)``. See `apply_twists` for twists.
         object_poses: Poses of the M movable objects in W worlds, rows ``(W, M, 7)`` or ``(M, 7)``, or matrices
-            ``(W, M, 4, 4)``; by default those with which they were added.
+            ``(W, M, 4, 4)`` or ``(M, 4, 4)``; by default those with which they were added.
         world_index: World of each view, ``(V,)`` int32; by default view i shows world i, or the only one.
         vertices: Vertices of movable objects in their frames [m], ``(n, 3)``, by name. They replace the vertices of the
             scene, as `Scene.update_vertices` does, also for later renders.
@@ -92,11 +92,12 @@ def render(
         SceneError: If an object of `colors` is a solid, or has no texture coordinates for a texture.
     """
     names = differentiable.check_image_names(outputs, "color")
-    vertices = {} if vertices is None else vertices
+    vertices = differentiable.check_vertices(vertices)
     colors = {} if colors is None else colors
     number = _number(scene, camera, tuple(vertices), caster, threads)
     rows = as_rows(poses, "poses", ("V",))
     object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
+    _check_world_index(world_index)
     _check_vertices(vertices)
     _check_intrinsics(number, intrinsics)
     inputs = [rows, object_rows, world_index, *vertices.values()]
@@ -171,6 +172,14 @@ def _check_tangents(tensors: Sequence[Tensor | None]) -> None:
             )
 
 
+def _check_world_index(world_index: Tensor | None) -> None:
+    if world_index is None:
+        return
+    if not isinstance(world_index, Tensor) or world_index.dtype not in (torch.int32, torch.int64):
+        got = world_index.dtype if isinstance(world_index, Tensor) else type(world_index).__name__
+        raise ArrayError(f"world_index must be a torch.Tensor of int32, got {got}")
+
+
 def _check_vertices(vertices: Mapping[str, Tensor]) -> None:
     for name, tensor in vertices.items():
         if not isinstance(tensor, Tensor) or tensor.dtype != torch.float32 or tensor.shape[1:] != (3,):
@@ -185,8 +194,11 @@ def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
     if not names:
         raise ArrayError("intrinsics must be None for a camera without parameters, such as a list of rays")
     if not isinstance(intrinsics, Tensor) or not intrinsics.is_floating_point() or intrinsics.shape != (len(names),):
-        got = tuple(intrinsics.shape) if isinstance(intrinsics, Tensor) else type(intrinsics).__name__
+        is_tensor = isinstance(intrinsics, Tensor)
+        got = f"{intrinsics.dtype} {tuple(intrinsics.shape)}" if is_tensor else type(intrinsics).__name__
         raise ArrayError(f"intrinsics must be a torch.Tensor of the {len(names)} numbers {', '.join(names)}, got {got}")
+    if str(intrinsics.device) not in ("cpu", _device_name(number)):
+        raise ArrayError(f"intrinsics must be on cpu or {_device_name(number)}, got a tensor on {intrinsics.device}")
     _check_tangents([intrinsics])
 
 
