@@ -264,7 +264,8 @@ def test_views_that_see_nothing_keep_their_poses(device):
     np.testing.assert_array_equal(found.poses.numpy()[:2], poses[:2])
     assert np.isfinite(found.poses.numpy()).all() and np.isinf(found.covariance.numpy()[:2]).all()
     assert found.num_inliers.numpy()[:2].tolist() == [0, 0] and found.best() == 2
-    assert wv.register(scene, CAMERA, depth[1], poses[1], sigma=SIGMA).best() == -1
+    with pytest.raises(wv.errors.ArrayError, match="no view has inliers"):
+        wv.register(scene, CAMERA, depth[1], poses[1], sigma=SIGMA).best()
 
 
 def test_one_wall_moves_determined_directions_only(device):
@@ -305,6 +306,7 @@ def test_inputs_are_not_changed():
 BAD = {
     "shape": ({"depth": np.ones((2, 10, 10), np.float32)}, "depth must have shape .V, 72, 96., got"),
     "views": ({"depth": np.ones((2, 72, 96), np.float32), "camera_to_world": [TRUTH] * 3}, "of one view or of 3 views"),
+    "nothing": ({"depth": np.ones((0, 72, 96), np.float32)}, "must be of one view, got 0 and 1"),
     "unknown": ({"moving": "ghost"}, "ghost"),
     "static": ({"moving": "table"}, "moving must be .* a movable object, got 'table', which is static"),
     "no name": ({"moving": 3}, "moving must be .* got 3"),

@@ -200,6 +200,12 @@ BAD = {
     "empty link": (("flange",), {}, "moving must be joints that move movable objects, got 'flange'"),
     "limits": (("elbow",), {"joint_positions": {"elbow": 3}}, "values of 'elbow' must be from -2 to 2 rad, got 3"),
     "values": (("elbow",), {"joint_positions": [1]}, "values must be a mapping"),
+    "string": ("elbow", {}, r"moving must be a list to move joints, \['elbow'\], got 'elbow'"),
+    "worlds": (
+        ("elbow",),
+        {"joint_positions": {"elbow": [0.1, 0.2, 0.3]}, "camera_to_world": [VIEW] * 4},
+        "joint_positions must be of one view or of 4 views, got 3",
+    ),
     "poses": (("elbow",), {"object_poses": [[VIEW]]}, "object_poses must be None if joints move; give joint_positions"),
 }
 
@@ -207,8 +213,9 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input(name, file):
     moving, options, message = BAD[name]
+    options = {"camera_to_world": VIEW, **options}
     with pytest.raises(wv.WarpvisError, match=message) as caught:
-        wv.register(robot(file), CAMERA, np.ones(CAMERA.shape, np.float32), VIEW, sigma=0.01, moving=moving, **options)
+        wv.register(robot(file), CAMERA, np.ones(CAMERA.shape, np.float32), sigma=0.01, moving=moving, **options)
     assert "\n" not in str(caught.value)
 
 

@@ -124,7 +124,7 @@ def test_gradients_of_other_pixels_equal_central_differences(name, device):
     [
         ({"images": None}, "images must be warpvis.torch.Images, got NoneType"),
         ({"images": wt.Images()}, "images must have depth, normals, segmentation, got none of depth, normals"),
-        ({"poses": torch.zeros(2, 7)}, r"images must have the axes \(2, 28, 36\) of poses and camera, got shapes"),
+        ({"poses": torch.eye(4).expand(2, 4, 4)}, r"images must have the axes \(2, 28, 36\) of poses and camera"),
         ({"camera": CAMERAS["lidar"]}, "images must have the axes"),
     ],
 )  # fmt: skip

@@ -73,8 +73,9 @@ def register(
         camera_to_world: Initial poses of the camera, ``(V, 7)`` or ``(V, 4, 4)``, or one pose for all views.
         sigma: Standard deviation of measured depth: as for `compare_depth`.
         moving: ``"camera"``, or the name of a movable object, whose poses are refined instead of the camera's;
-            or names of joints of the scene, whose positions are refined within their limits. With joints, steps are
-            computed on the host: the call waits for the device once per iteration.
+            or names of joints of the scene, whose positions are refined within their limits. With joints, cameras stay
+            where they are, so that none may be mounted on a link that moves, and steps are computed on the host: the
+            call waits for the device once per iteration.
         object_poses: As for `Renderer.render`. With the name of an object in `moving`, these are the
             initial poses. Not with joints in `moving`.
         world_index: As for `Renderer.render`.
@@ -82,7 +83,7 @@ def register(
             joints in `moving`, these are the initial positions.
         groups: Group of each view, ``(V,)`` integers from 0, which are read on the host; by default each view is its
             own. Views of a group move together: by one motion in the frame of the camera, or of the object, or by one
-            offset of each joint. Thus one pose or mounting is found from several images.
+            offset of each joint, which limits do not stop. Thus one pose or mounting is found from several images.
         exclude: As for `Renderer.render`.
         huber: Number of standard deviations above which residuals have less weight; ``math.inf`` for least squares.
         max_distance: Distance between measured point and rendered surface up to which a pixel is used [m]. It should be
@@ -114,9 +115,9 @@ def register(
     column = _column(scene, moving) if isinstance(moving, str) else -1
     if joint_positions is not None and object_poses is not None:
         raise ArrayError("joint_positions must be None if object_poses are given")
-    if names and object_poses is not None:
-        raise ArrayError("object_poses must be None if joints move; give joint_positions")
     joints = MovingJoints(scene.joints, names, joint_positions) if names else None
+    if joints is not None and object_poses is not None:
+        raise ArrayError("object_poses must be None if joints move; give joint_positions")
     rows = to_xyzw(camera_to_world, quaternion, "camera_to_world")
     if joints is not None:
         object_poses = joints.poses
@@ -127,21 +128,24 @@ def register(
     device, threads = scene.device, check_threads(threads)
     poses = parse_poses(rows, convention=axes, device=device)
     images = _read_depth(depth, camera, device)
-    count = max(len(poses), len(images), _count_worlds(object_poses, world_index), _count_groups(groups))
+    count = max(len(poses), len(images), _count_worlds(object_poses, world_index))
+    group = None if groups is None else parse_groups(groups, count)
+    count = count if group is None else len(group)
     weighting = _weighting(camera, huber, max_distance, min_cosine, max_jump)
     tolerance = check_length(tolerance, "tolerance", zero=False)
     iterations = check_whole(iterations, "iterations")
     if iterations > _MAX_ITERATIONS:
         raise ArrayError(f"iterations must be from 1 to {_MAX_ITERATIONS}, got {iterations}")
     sigmas = wp.array(_sigmas(sigma, camera), dtype=wp.float32, device=device)
-    if len(images) not in (1, count) or len(poses) not in (1, count) or 0 in (len(images), len(poses)):
-        raise ArrayError(
-            f"depth and camera_to_world must be of one view or of {count} views, got {len(images)} and {len(poses)}"
-        )
+    if len(images) not in (1, count) or len(poses) not in (1, count):
+        expected = "of one view" if count == 1 else f"of one view or of {count} views"
+        raise ArrayError(f"depth and camera_to_world must be {expected}, got {len(images)} and {len(poses)}")
+    given = len(object_poses) if names or joint_positions is not None else 1
+    if world_index is None and given not in (1, count):
+        raise ArrayError(f"joint_positions must be of one view or of {count} views, got {given}; or give world_index=")
     if len(poses) != count:
         poses = take_rows(poses, np.zeros(count, dtype=np.int32))
     worlds = parse_worlds(scene, count, object_poses, world_index, exclude)
-    group = None if groups is None else parse_groups(groups, count)
     if device.is_cpu and quaternion == "xyzw":
         warn_of_order(camera_to_world, axes)
 
@@ -175,6 +179,8 @@ def _column(scene: Scene, moving: str) -> int:
     """Return the column of a movable object in object poses, -1 for the camera."""
     if moving == "camera":
         return -1
+    if moving in scene.joints and moving not in (item.name for item in scene):
+        raise SceneError(f"moving must be a list to move joints, [{moving!r}], got {moving!r}")
     column = int(pose_columns(scene)[scene.index(moving)])
     if column < 0:
         raise SceneError(f'moving must be "camera" or a movable object, got {moving!r}, which is static')
@@ -191,11 +197,6 @@ def _count_worlds(object_poses: ObjectPoses, world_index: ArrayInput | None) -> 
     shape = np.shape(object_poses) if shape is None else shape
     is_transforms = isinstance(object_poses, wp.array) and object_poses.dtype is wp.transform
     return max(int(shape[0]), 1) if len(shape) == (2 if is_transforms else 3) else 1
-
-
-def _count_groups(groups: ArrayInput | None) -> int:
-    """Return the number of views that groups imply."""
-    return len(groups) if groups is not None and hasattr(groups, "__len__") else 1
 
 
 def _read_depth(depth: ArrayInput, camera: AnyCamera, device: wp.Device) -> wp.array:

@@ -19,8 +19,9 @@ from warpvis.maps._register_sums import NUM_SUMS, DepthSums
 
 
 def parse_groups(groups: ArrayInput, count: int) -> NDArray[np.int32]:
-    """Return the groups of views, numbered without gaps."""
+    """Return the groups of views, numbered without gaps; any number of views if all else is of one view."""
     host = as_numpy(groups, name="groups")
+    count = len(host) if count == 1 and host.ndim == 1 and len(host) else count
     if host.shape != (count,) or host.dtype.kind not in "iu" or (host < 0).any():
         raise ArrayError(
             f"groups must be the number of each view's group, {count} integers from 0, got "

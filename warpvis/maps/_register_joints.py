@@ -79,10 +79,9 @@ class JointSolver:
         self.best = initial[np.unique(self.groups, return_index=True)[1]]
         self.trial = self.best.copy()
         self.offsets = initial - self.best[self.groups]
-        lower, upper = joints.limits.T
-        self.lower, self.upper = np.full(self.best.shape, -np.inf), np.full(self.best.shape, np.inf)
-        np.maximum.at(self.lower, self.groups, lower - self.offsets)
-        np.minimum.at(self.upper, self.groups, upper - self.offsets)
+        # Offsets correct the readings of encoders, which a view at a limit should not stop.
+        limits = joints.limits if groups is None else np.array([-np.inf, np.inf])
+        self.lower, self.upper = np.broadcast_to(limits, (*self.best.shape, 2)).transpose(2, 0, 1)
         self.object_poses = joints.poses[self.world]
         self.status = np.zeros(count, dtype=np.int32)
         self.iterations = np.zeros(count, dtype=np.int32)

@@ -11,6 +11,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpvis.errors import ArrayError
+
 
 @dataclass(frozen=True, eq=False)
 class Registration:
@@ -53,14 +55,20 @@ class Registration:
 
     @cached_property
     def inlier_ratio(self) -> NDArray[np.float64]:
-        """Fraction of the measured pixels that are inliers, shape ``(V,)``; waits for a GPU."""
+        """Fraction of the measured pixels that are inliers, shape ``(V,)``; waits for a GPU.
+
+        If an object or joints were moved, only pixels of what moves are inliers.
+        """
         return self.num_inliers.numpy() / np.maximum(self.num_measured.numpy(), 1)
 
     def best(self) -> int:
-        """Return the index of the view with the lowest cost per measured pixel; -1 if none has inliers.
+        """Return the index of the view with the lowest cost per measured pixel; it waits for a GPU.
 
-        It waits for a GPU.
+        Raises:
+            ArrayError: If no view has inliers.
         """
         error = self.e.numpy() / np.maximum(self.num_measured.numpy(), 1)
         error = np.where(self.num_inliers.numpy() > 0, error, np.inf)
-        return int(error.argmin()) if np.isfinite(error).any() else -1
+        if not np.isfinite(error).any():
+            raise ArrayError("no view has inliers: initial poses must be such that surfaces are within max_distance")
+        return int(error.argmin())

@@ -125,7 +125,10 @@ class MovingJoints:
 def _check_joint(joints: SceneJoints, name: str) -> Joint:
     """Return a joint that can be moved by one number."""
     if not len(joints):
-        raise SceneError(f"moving must be joints of the scene, got {name!r} for a scene without joints")
+        raise SceneError(
+            f"moving must be joints of the scene, got {name!r} for a scene without joints; they come from URDF, xacro, "
+            "SDF, USD and Webots files"
+        )
     if name not in joints:
         listed = truncate(", ".join(map(repr, joints.names)), 300)
         raise SceneError(f"moving must be joints of the scene, got {name!r}; the joints are {listed}")

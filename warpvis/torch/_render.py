@@ -198,7 +198,8 @@ def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
         got = f"{intrinsics.dtype} {tuple(intrinsics.shape)}" if is_tensor else type(intrinsics).__name__
         raise ArrayError(f"intrinsics must be a torch.Tensor of the {len(names)} numbers {', '.join(names)}, got {got}")
     if str(intrinsics.device) not in ("cpu", _device_name(number)):
-        raise ArrayError(f"intrinsics must be on cpu or {_device_name(number)}, got a tensor on {intrinsics.device}")
+        places = " or ".join(dict.fromkeys(["cpu", _device_name(number)]))
+        raise ArrayError(f"intrinsics must be on {places}, got a tensor on {intrinsics.device}")
     _check_tangents([intrinsics])
 
 
