@@ -48,7 +48,7 @@ test-browser: $(STAMP)
 	$(BIN)/python -m pytest -m browser tests/test_viewer_browser.py tests/test_watch_browser.py
 
 # The casters' tests again, compiled for AVX2 alone and for Warp's generic x86-64, which has AVX.
-LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets table_packets object_visibility))
+LANE_TESTS := $(addprefix tests/test_,$(addsuffix .py,casters packets worlds points point_packets table_packets object_visibility register))
 
 test-lanes: $(STAMP)
 	WARPVIS_CPU_FLAGS="-target-cpu haswell" $(BIN)/python -m pytest -q $(LANE_TESTS)
