@@ -12,7 +12,7 @@ SLOPE_TOLERANCE, DEPTH_TOLERANCE = 1e-3, 1e-5
 
 
 def mark_silhouettes(camera, row, images) -> NDArray[np.bool_]:
-    """Return the mask of pixels beside silhouettes of a view, by comparing the image with shifted copies."""
+    """Return the mask of pixels next to silhouettes of a view, by comparing the image with shifted copies."""
     depth, normals = images["depth"].astype(np.float64), images["normals"] @ rotation_matrix(row[3:])
     rays = np.asarray(camera.rays)
     origins = np.zeros(rays.shape) if camera.origins is None else np.asarray(camera.origins)
@@ -125,8 +125,11 @@ class Crossings:
             side = (y + 1 if y + 1 < height else y - 1, x)
         else:
             side = (y, x + 1 if x + 1 < width else x - 1)
-        along, beside = abs(b[k] - a[k]), abs(_sides(points[k], vectors[k], self.rays[side], self.origins[side]) - a[k])
-        if along < beside or (along == beside and y != end[0]):
+        along, sideways = (
+            abs(b[k] - a[k]),
+            abs(_sides(points[k], vectors[k], self.rays[side], self.origins[side]) - a[k]),
+        )
+        if along < sideways or (along == sideways and y != end[0]):
             return None
         return depth[k], index, *edges[k]
 

@@ -15,8 +15,8 @@ from warpvis.core.kernel_cache import launch
 from warpvis.kernels.gradients.coverage import sum_area_strips
 from warpvis.rendering.coverage import find_neighbors
 from warpvis.scene import solids
+from warpvis.torch._arguments import renderer_number
 from warpvis.torch._coverage import _measure
-from warpvis.torch._render import _number
 
 from support.gradients import CAMERAS, OBJECT_ROWS, ROW, build_scene
 from support.hidden_ball import START, hidden_scene
@@ -238,7 +238,7 @@ def test_compiled_function_has_the_same_gradient(device):
 
 def test_operator_passes_torch_checks():
     scene, poses = hidden_scene(), tensor(START[None], "cpu", requires_grad=True)
-    arguments = (poses, None, None, [], [0], _number(scene, CAMERAS["pinhole"], (), "auto", None), True, True)
+    arguments = (poses, None, None, [], [0], renderer_number(scene, CAMERAS["pinhole"], (), "auto", None), True, True)
     checks = ("test_schema", "test_autograd_registration", "test_faketensor")
     torch.library.opcheck(_measure, arguments, test_utils=checks)
 

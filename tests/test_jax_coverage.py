@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Silhouettes in JAX: masks of the pixels beside them, and areas with gradients, against twins and PyTorch."""
+"""Silhouettes in JAX: masks of the pixels next to them, and areas with gradients, against twins and PyTorch."""
 
 from functools import cache, partial
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Silhouettes: masks of the pixels beside them, against a twin and against renders of a moved scene."""
+"""Silhouettes: masks of the pixels next to them, against a twin and against renders of a moved scene."""
 
 import numpy as np
 import pytest

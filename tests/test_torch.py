@@ -14,8 +14,8 @@ import warpvis.torch as wt
 from warpvis.cameras import parameter_values, with_parameters
 from warpvis.core.poses import poses_to_matrices
 from warpvis.errors import SceneError
+from warpvis.torch._arguments import renderer_number
 from warpvis.torch._cast import cast
-from warpvis.torch._render import _number
 
 from support.gradients import CAMERAS, OBJECT_ROWS, ROW, Loss, build_scene, changes_of, flat_rays
 
@@ -188,7 +188,7 @@ def test_compiled_function_has_one_graph(device):
 def test_operators_pass_torch_checks(device):
     """Schema, fake tensors and autograd registration."""
     scene, camera = build_scene(device), CAMERAS["pinhole"]
-    number = _number(scene, camera, (), "auto", None)
+    number = renderer_number(scene, camera, (), "auto", None)
     poses = tensor(ROW[None], device, requires_grad=True)
     objects = tensor(OBJECT_ROWS[None], device, requires_grad=True)
     arguments = (poses, objects, None, [], None, number, "depth,normals,segmentation")

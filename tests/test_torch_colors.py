@@ -16,8 +16,8 @@ from warpvis.scene.lights import Background
 from warpvis.scene.materials import Appearance, Material, Texture
 from warpvis.scene.solids import sphere
 from warpvis.scene.worlds import parse_worlds
+from warpvis.torch._arguments import renderer_number
 from warpvis.torch._colors import interpolate
-from warpvis.torch._render import _number
 
 from support.colored_cards import CARD, CARD_FACES, CARD_ROW, CARD_UV, TEXTURE, WRAPS, build_card_scene
 from support.gradients import CAMERAS, OBJECT_ROWS, ROW
@@ -222,7 +222,7 @@ def test_compiled_function_has_one_graph(device):
 def test_operator_passes_torch_checks(device):
     """Schema, fake tensors and autograd registration."""
     scene, camera = build_card_scene(device), CAMERAS["pinhole"]
-    number, rows = _number(scene, camera, (), "auto", None), tensor(ROW[None], device)
+    number, rows = renderer_number(scene, camera, (), "auto", None), tensor(ROW[None], device)
     images = wv.render(scene, camera, np.float32(ROW[None]), outputs=(*IMAGES, "albedo"))
     seen = [wp.to_torch(getattr(images, name)) for name in (*IMAGES, "albedo")]
     given = [tensor(np.full((3, 4, 3), 0.5), device, requires_grad=True)]

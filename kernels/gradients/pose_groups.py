@@ -9,7 +9,7 @@ With T = diag(R_v, R_v), the sums of the group are ``sum T^T H_v T`` and ``sum T
 
 import warp as wp
 
-from warpvis.kernels.gradients.pose_steps import COST, SIDE
+from warpvis.kernels.gradients.pose_steps import COST, SIDE, rounded_pose
 from warpvis.kernels.pinhole import pose_origin, pose_rotation
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
@@ -110,6 +110,4 @@ def move_views(
     initial, motion = groups.initial[view], motions[groups.group[view], 0]
     rotation = pose_rotation(initial)
     origin = pose_origin(initial) + wp.quat_rotate(rotation, pose_origin(motion))
-    q = wp.normalize(rotation * pose_rotation(motion))
-    rounded = wp.quat(wp.float32(q[0]), wp.float32(q[1]), wp.float32(q[2]), wp.float32(q[3]))
-    poses_out[view, column] = wp.transform(wp.vec3(origin), rounded)
+    poses_out[view, column] = rounded_pose(origin, rotation * pose_rotation(motion))

@@ -122,6 +122,14 @@ def read_matrix(sums: wp.array2d[wp.float64], view: int) -> wp.spatial_matrixd:
 
 
 @wp.func
+def rounded_pose(origin: wp.vec3d, rotation: wp.quatd) -> wp.transform:
+    """Return a pose in single precision."""
+    q = wp.normalize(rotation)
+    rounded = wp.quat(wp.float32(q[0]), wp.float32(q[1]), wp.float32(q[2]), wp.float32(q[3]))
+    return wp.transform(wp.vec3(origin), rounded)
+
+
+@wp.func
 def moved_pose(pose: wp.transform, rotation: wp.vec3d, translation: wp.vec3d) -> wp.transform:
     """Return a pose after a twist about its origin, by the exponential map."""
     angle = wp.length(rotation)
@@ -129,9 +137,7 @@ def moved_pose(pose: wp.transform, rotation: wp.vec3d, translation: wp.vec3d) ->
     if angle > wp.float64(1e-8):
         scale = wp.sin(HALF * angle) / angle
     turn = wp.quatd(scale * rotation[0], scale * rotation[1], scale * rotation[2], wp.cos(HALF * angle))
-    q = wp.normalize(turn * pose_rotation(pose))
-    rounded = wp.quat(wp.float32(q[0]), wp.float32(q[1]), wp.float32(q[2]), wp.float32(q[3]))
-    return wp.transform(wp.vec3(pose_origin(pose) + translation), rounded)
+    return rounded_pose(pose_origin(pose) + translation, turn * pose_rotation(pose))
 
 
 @wp.kernel

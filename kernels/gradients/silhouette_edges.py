@@ -173,10 +173,10 @@ def is_across(segment: Segment, boundary: Boundary, edge: wp.vec3d, is_row: bool
     """Return whether an edge changes sides more along a segment than along the other axis; rows win ties."""
     start = side_of(boundary.point, edge, segment.ray, segment.origin)
     along = wp.abs(side_of(boundary.point, edge, segment.end_ray, segment.end_origin) - start)
-    beside = wp.abs(side_of(boundary.point, edge, segment.side_ray, segment.side_origin) - start)
+    sideways = wp.abs(side_of(boundary.point, edge, segment.side_ray, segment.side_origin) - start)
     if is_row:
-        return along >= beside
-    return along > beside
+        return along >= sideways
+    return along > sideways
 
 
 @wp.func

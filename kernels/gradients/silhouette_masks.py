@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Masks of pixels beside silhouettes, from images of a finished render.
+"""Masks of pixels next to silhouettes, from images of a finished render.
 
 Let pixel a see the point ``p_a`` with the camera-frame normal ``n_a`` at depth ``z_a``, and let its neighbor b have the
 ray ``o_b + z d_b``. The tangent plane of a has on b's ray the depth ``z_a' = n_a . (p_a - o_b) / (n_a . d_b)``, and the
@@ -80,12 +80,12 @@ def mark_silhouettes(
     view, y = locate(window, view, y)
     pose = frame_of(camera_to_world[view])
     height, width = images_in.depth.shape[1], images_in.depth.shape[2]
-    is_beside = bool(False)
+    is_marked = bool(False)
     for other_y in range(wp.max(y - 1, 0), wp.min(y + 2, height)):
         for other_x in range(wp.max(x - 1, 0), wp.min(x + 2, width)):
             # The same arguments in the same order for both pixels of a pair: both are marked, or none.
             if other_y > y or (other_y == y and other_x > x):
-                is_beside = is_beside or not are_connected(table, pose, images_in, view, y, x, other_y, other_x)
+                is_marked = is_marked or not are_connected(table, pose, images_in, view, y, x, other_y, other_x)
             elif other_y != y or other_x != x:
-                is_beside = is_beside or not are_connected(table, pose, images_in, view, other_y, other_x, y, x)
-    mask_out[view, y, x] = wp.where(is_beside, wp.uint8(1), wp.uint8(0))
+                is_marked = is_marked or not are_connected(table, pose, images_in, view, other_y, other_x, y, x)
+    mask_out[view, y, x] = wp.where(is_marked, wp.uint8(1), wp.uint8(0))

@@ -16,12 +16,11 @@ from jax.custom_batching import custom_vmap
 from jax.typing import ArrayLike
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.core.checks import as_items, check_flag
-from warpvis.errors import CameraError, SceneError
+from warpvis.core.checks import check_flag
 from warpvis.jax._arguments import parse_arrays
 from warpvis.jax._batches import add_worlds, join_images, join_members, map_members
 from warpvis.jax._foreign import Arrays, Spec, call_foreign, image_inputs, split_arrays
-from warpvis.rendering.coverage import COVERAGE_IMAGES, check_meshes
+from warpvis.rendering.coverage import COVERAGE_IMAGES, check_meshes, target_indices
 from warpvis.rendering.differentiable import check_vertices, numbered_renderer, pixel_type, renderer_number
 from warpvis.scene import Scene
 
@@ -132,12 +131,7 @@ def _parse(
     """Check the arguments of `coverage`, and return the renderer's number, indices of the objects, and arrays."""
     vertices = check_vertices(vertices)
     number = renderer_number(scene, camera, deforming=tuple(vertices), caster="auto", threads=None)
-    listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
-    indices = tuple(scene.index(name) for name in listed)
-    if not indices:
-        raise SceneError("names must contain at least one object, got none")
-    if len(camera.shape) == 1:
-        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
+    indices = target_indices(scene, camera, names)
     check_meshes(scene)
     return number, indices, parse_arrays(scene, camera, poses, object_poses, world_index, vertices)
 

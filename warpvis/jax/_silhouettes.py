@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Masks of pixels beside silhouettes, as JAX arrays."""
+"""Masks of pixels next to silhouettes, as JAX arrays."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from warpvis.scene import Scene
 
 
 def silhouette_mask(scene: Scene, camera: AnyCamera, poses: ArrayLike, images: Images) -> Array:
-    """Return the mask of pixels beside silhouettes, where gradients of images miss what a motion covers or uncovers.
+    """Return the mask of pixels next to silhouettes, where gradients of images miss what a motion covers or uncovers.
 
     A pixel is marked if one of its eight neighbors hits nothing where it hits a surface, or vice versa, or sees another
     object, or a surface that is not connected to its own. Neighbors are those in the image: columns at opposite borders

@@ -22,11 +22,11 @@ def parse_groups(groups: ArrayInput, count: int) -> NDArray[np.int32]:
     """Return the groups of views, numbered without gaps; any number of views if all else is of one view."""
     host = as_numpy(groups, name="groups")
     count = len(host) if count == 1 and host.ndim == 1 and len(host) else count
-    if host.shape != (count,) or host.dtype.kind not in "iu" or (host < 0).any():
-        raise ArrayError(
-            f"groups must be the number of each view's group, {count} integers from 0, got "
-            + (f"{host.min()}" if host.shape == (count,) and host.dtype.kind == "i" else f"{host.dtype} {host.shape}")
-        )
+    expected = f"groups must be the number of each view's group, {count} integers from 0"
+    if host.shape != (count,) or host.dtype.kind not in "iu":
+        raise ArrayError(f"{expected}, got {host.dtype} {host.shape}")
+    if (host < 0).any():
+        raise ArrayError(f"{expected}, got {host.min()}")
     return np.unique(host, return_inverse=True)[1].reshape(-1).astype(np.int32)
 
 
@@ -40,7 +40,7 @@ class GroupSolver(PoseSolver):
 
     def _solve(self, poses: wp.array, worlds: Any) -> tuple[wp.array, Any]:
         from warpvis.kernels.gradients.pose_groups import add_groups, move_views, spread_sums
-        from warpvis.kernels.gradients.pose_steps import step_poses
+        from warpvis.kernels.gradients.pose_steps import SolverState, step_poses
 
         views, groups = len(poses), int(self.groups.max()) + 1
         column, moved = max(self.column, 0), self._initial(poses, worlds)
@@ -63,7 +63,7 @@ class GroupSolver(PoseSolver):
             launch(step_poses, groups, [self.limits, 0, is_last, of_groups, state, motions], self.device)
             launch(move_views, views, [members, motions, column, moved], self.device)
 
-        of_views = self._state(0)
+        of_views = SolverState()
         for name in ("status", "iterations"):
             setattr(of_views, name, take_rows(getattr(state, name), self.groups))
         of_views.best = wp.clone(moved[:, column])

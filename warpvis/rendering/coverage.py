@@ -13,12 +13,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpvis.cameras.base import AnyCamera
+from warpvis.core.checks import as_items
 from warpvis.core.kernel_cache import launch
 from warpvis.core.threads import check_threads, launch_images
 from warpvis.errors import CameraError, SceneError
 from warpvis.rendering.casters.base import ImagesByName, as_image, images_struct
-from warpvis.rendering.casters.rays import rays_on_device
-from warpvis.rendering.gradients import Zeros
+from warpvis.rendering.gradients import Zeros, ray_table
 from warpvis.scene import Scene
 from warpvis.scene.worlds import pose_columns
 
@@ -40,13 +40,7 @@ class Coverage:
     def __init__(
         self, scene: Scene, camera: AnyCamera, *, threads: int | None = None, zeros: Zeros | None = None
     ) -> None:
-        """Set up for a scene and a camera; `threads` as for `Renderer`, `zeros` as for `DepthGradients`.
-
-        Raises:
-            CameraError: If the camera is a list of rays, which has no boundaries.
-        """
-        if len(camera.shape) == 1:
-            raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
+        """Set up for a scene and a camera with an image; `threads` and `zeros` as for `DepthGradients`."""
         self._scene, self._camera, self._threads = scene, camera, check_threads(threads)
         self._allocate = wp.zeros if zeros is None else zeros
         self._surfaces: tuple[object, Surfaces, list[int]] | None = None
@@ -158,14 +152,7 @@ class Coverage:
 
     @cached_property
     def _table(self) -> RayTable:
-        """Return the rays of the camera on the scene's device."""
-        from warpvis.kernels.gradients.depth_gradients import RayTable
-
-        table = RayTable()
-        table.rays = rays_on_device(self._camera, self._scene.device)
-        if self._camera.origins is not None:
-            table.origins = rays_on_device(self._camera, self._scene.device, "origins")
-        return table
+        return ray_table(self._camera, self._scene.device)
 
     def _flags(self, names: tuple[str, ...]) -> wp.array:
         """Return which objects are chosen, ``(objects,)`` uint8."""
@@ -194,6 +181,21 @@ class Coverage:
             if newest is not None:
                 wp.copy(surfaces.vertices, newest, dest_offset=first_vertex[index], count=len(newest))
         return surfaces, first_vertex
+
+
+def target_indices(scene: Scene, camera: AnyCamera, names: str | Sequence[str]) -> tuple[int, ...]:
+    """Return the indices of the objects whose areas are added.
+
+    Raises:
+        CameraError: If the camera is a list of rays, which has no boundaries.
+        SceneError: If there is none, or the scene has no object of a name.
+    """
+    indices = tuple(scene.index(name) for name in dict.fromkeys(as_items(names, "names", SceneError)))
+    if not indices:
+        raise SceneError("names must contain at least one object, got none")
+    if len(camera.shape) == 1:
+        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
+    return indices
 
 
 def check_meshes(scene: Scene) -> None:

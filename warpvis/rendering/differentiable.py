@@ -128,7 +128,7 @@ class DifferentiableRenderer:
         return self._gradients.parameters(inputs.poses, images, gradients)
 
     def silhouettes(self, poses: wp.array, images: Mapping[str, wp.array]) -> wp.array:
-        """Return the mask of pixels beside silhouettes, as `DepthGradients.silhouettes` does."""
+        """Return the mask of pixels next to silhouettes, as `DepthGradients.silhouettes` does."""
         return self._gradients.silhouettes(poses, images)
 
     def areas(self, inputs: Inputs, images: Mapping[str, wp.array], names: tuple[str, ...], out: wp.array) -> None:

@@ -70,7 +70,7 @@ class DepthGradients:
             zeros: Allocates arrays of a shape and a Warp type, filled with zeros, on a device. By default, Warp does.
         """
         self._scene, self._camera = scene, camera
-        self._allocate = _zeros if zeros is None else zeros
+        self._allocate = wp.zeros if zeros is None else zeros
         self._threads = check_threads(threads)
         self._cached: dict[str | None, tuple[object, wp.array]] = {}
 
@@ -222,7 +222,7 @@ class DepthGradients:
                 )
 
     def silhouettes(self, camera_to_world: wp.array, images: ImagesByName) -> wp.array:
-        """Return the mask of pixels beside silhouettes, ``(V, H, W)`` uint8.
+        """Return the mask of pixels next to silhouettes, ``(V, H, W)`` uint8.
 
         Args:
             camera_to_world: As for `poses`.
@@ -253,14 +253,7 @@ class DepthGradients:
 
     @cached_property
     def _table(self) -> RayTable:
-        """Return the rays of the camera on the scene's device."""
-        from warpvis.kernels.gradients.depth_gradients import RayTable
-
-        table = RayTable()
-        table.rays = rays_on_device(self._camera, self._scene.device)
-        if self._camera.origins is not None:
-            table.origins = rays_on_device(self._camera, self._scene.device, "origins")
-        return table
+        return ray_table(self._camera, self._scene.device)
 
     @property
     def _columns(self) -> wp.array | None:
@@ -282,8 +275,15 @@ class DepthGradients:
         return self._cached[name][1]
 
 
-def _zeros(shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
-    return wp.zeros(shape, dtype=dtype, device=device)
+def ray_table(camera: AnyCamera, device: wp.Device) -> RayTable:
+    """Return the rays of a camera on a device."""
+    from warpvis.kernels.gradients.depth_gradients import RayTable
+
+    table = RayTable()
+    table.rays = rays_on_device(camera, device)
+    if camera.origins is not None:
+        table.origins = rays_on_device(camera, device, "origins")
+    return table
 
 
 def _images(images: ImagesByName) -> Images:

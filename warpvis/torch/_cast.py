@@ -141,7 +141,7 @@ def _cast_backward(
         of_vertices = renderer.vertex_gradients(inputs, shown, given_gradients)
     results = [of_poses[:, 0].clone()]
     if object_rows is not None:
-        results.append(_add_worlds(of_poses[:, 1:], object_rows, world_index))
+        results.append(add_worlds(of_poses[:, 1:], object_rows, world_index))
     if parameters is not None and of_parameters is not None:
         results.append(of_parameters.to(parameters))
     return [*results, *(wp.to_torch(array).to(torch.float32) for array in of_vertices)]
@@ -206,7 +206,7 @@ def flatten(info: Any, in_dims: tuple[Any, ...], arguments: tuple[Any, ...]) -> 
     return rows.flatten(0, 1), object_rows, world_index.flatten(), vertices, *rest
 
 
-def _add_worlds(of_views: Tensor, object_rows: Tensor, world_index: Tensor | None) -> Tensor:
+def add_worlds(of_views: Tensor, object_rows: Tensor, world_index: Tensor | None) -> Tensor:
     """Add the gradients ``(V, M, 7)`` of the views of each world."""
     if world_index is not None:
         return torch.zeros_like(object_rows).index_add_(0, world_index.long(), of_views)

@@ -12,14 +12,12 @@ import warp as wp
 from torch import Tensor
 
 from warpvis.cameras.base import AnyCamera
-from warpvis.core.checks import as_items, check_flag
-from warpvis.errors import CameraError, SceneError
-from warpvis.rendering.coverage import COVERAGE_IMAGES
+from warpvis.core.checks import check_flag
+from warpvis.rendering.coverage import COVERAGE_IMAGES, target_indices
 from warpvis.rendering.differentiable import check_vertices, numbered_renderer
 from warpvis.scene import Scene
-from warpvis.torch._cast import _add_worlds, as_array, as_images, as_inputs, flatten, on_stream
-from warpvis.torch._poses import as_rows
-from warpvis.torch._render import _check_tensors, _check_vertices, _check_world_index, _number
+from warpvis.torch._arguments import parse_tensors, renderer_number
+from warpvis.torch._cast import add_worlds, as_array, as_images, as_inputs, flatten, on_stream
 
 
 def coverage(
@@ -128,19 +126,9 @@ def _parse(
 ) -> tuple[Tensor, Tensor | None, Tensor | None, list[Tensor], list[int], int]:
     """Check the arguments of `coverage`, and return those of the operator."""
     vertices = check_vertices(vertices)
-    number = _number(scene, camera, tuple(vertices), "auto", None)
-    listed = tuple(dict.fromkeys(as_items(names, "names", SceneError)))
-    indices = [scene.index(name) for name in listed]
-    if not indices:
-        raise SceneError("names must contain at least one object, got none")
-    if len(camera.shape) == 1:
-        raise CameraError("camera must have pixels with neighbors for areas of objects, got a list of rays")
-    rows = as_rows(poses, "poses", ("V",))
-    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
-    _check_world_index(world_index)
-    _check_vertices(vertices)
-    _check_tensors(number, [rows, object_rows, world_index, *vertices.values()])
-    return rows, object_rows, world_index, list(vertices.values()), indices, number
+    number = renderer_number(scene, camera, tuple(vertices), "auto", None)
+    indices = target_indices(scene, camera, names)
+    return *parse_tensors(number, poses, object_poses, world_index, vertices), list(indices), number
 
 
 @torch.library.custom_op("warpvis::coverage", mutates_args=())
@@ -216,7 +204,7 @@ def _measure_backward(
         of_poses = wp.to_torch(found)
         results = [of_poses[:, 0].clone()]
         if object_rows is not None:
-            results.append(_add_worlds(of_poses[:, 1:], object_rows, world_index))
+            results.append(add_worlds(of_poses[:, 1:], object_rows, world_index))
         return [*results, *(wp.to_torch(array).to(torch.float32) for array in of_vertices)]
 
 

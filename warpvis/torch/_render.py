@@ -8,20 +8,17 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import torch
-import warp as wp
 from torch import Tensor
-from torch.autograd import forward_ad
 
-from warpvis.cameras import parameter_names
 from warpvis.cameras.base import AnyCamera
 from warpvis.errors import ArrayError
 from warpvis.rendering import CasterName, differentiable
 from warpvis.rendering.color_gradients import COLOR_IMAGES
 from warpvis.rendering.differentiable import numbered_renderer
 from warpvis.scene import Scene
-from warpvis.torch._cast import cast, need_gradients, with_needed, zeros
+from warpvis.torch._arguments import check_intrinsics, check_tensors, parse_tensors, renderer_number
+from warpvis.torch._cast import cast, need_gradients, with_needed
 from warpvis.torch._colors import interpolate
-from warpvis.torch._poses import as_rows
 
 
 class Images(NamedTuple):
@@ -94,118 +91,25 @@ def render(
     names = differentiable.check_image_names(outputs, "color")
     vertices = differentiable.check_vertices(vertices)
     colors = {} if colors is None else colors
-    number = _number(scene, camera, tuple(vertices), caster, threads)
-    rows = as_rows(poses, "poses", ("V",))
-    object_rows = None if object_poses is None else as_rows(object_poses, "object_poses", ("W", "M"))
-    _check_world_index(world_index)
-    _check_vertices(vertices)
-    _check_intrinsics(number, intrinsics)
-    inputs = [rows, object_rows, world_index, *vertices.values()]
+    number = renderer_number(scene, camera, tuple(vertices), caster, threads)
+    tensors = parse_tensors(number, poses, object_poses, world_index, vertices)
+    check_intrinsics(number, intrinsics)
     _check_colors(colors, names)
-    _check_tensors(number, [*inputs, *colors.values()])
-    inputs.append(intrinsics)
+    check_tensors(number, colors.values())
+    inputs = [*tensors[:3], *tensors[3]]
     rendered = tuple(name for name in names if name != "color")
     if "color" in names:
         rendered = tuple(dict.fromkeys((*rendered, *COLOR_IMAGES)))
-    if need_gradients(inputs):
+    if need_gradients([*inputs, intrinsics]):
         rendered = with_needed(number, rendered)
-    tensors = rows, object_rows, world_index, list(vertices.values()), intrinsics
-    images = cast(*tensors, number, ",".join(rendered))
+    images = cast(*tensors, intrinsics, number, ",".join(rendered))
     found = dict(zip(rendered, images, strict=True))
     if "color" in names:
         seen = [found[name].detach() for name in COLOR_IMAGES]
         indices = list(_indices(number, tuple(colors)))
-        moved = [None if value is None else value.detach() for value in inputs[:-1]]
+        moved = [None if value is None else value.detach() for value in inputs]
         found["color"] = interpolate(*moved[:3], moved[3:], seen, list(colors.values()), indices, number)
     return Images(**{name: found[name] for name in names})
-
-
-def _number(
-    scene: Scene, camera: AnyCamera, deforming: tuple[str, ...], caster: CasterName, threads: int | None
-) -> int:
-    """Return the number of a renderer, which is a constant of traced functions.
-
-    They are traced again for another scene or camera. Before version 2.13, PyTorch cannot call a function of objects
-    while it traces, but it can look up what a call before has made.
-    """
-    if not _TRACES_OBJECTS and torch.compiler.is_compiling():
-        return int(scene.numbers_of_renderers[id(camera), deforming, caster, threads])
-    return _make_number(scene, camera, deforming, caster, threads)
-
-
-_TRACES_OBJECTS = tuple(int(part) for part in torch.__version__.split(".")[:2]) >= (2, 13)
-
-
-@torch.compiler.assume_constant_result
-def _make_number(
-    scene: Scene, camera: AnyCamera, deforming: tuple[str, ...], caster: CasterName, threads: int | None
-) -> int:
-    options = {"deforming": deforming, "caster": caster, "threads": threads}
-    number = differentiable.renderer_number(scene, camera, **options, zeros=zeros)
-    scene.numbers_of_renderers[id(camera), deforming, caster, threads] = str(number)  # a number would become a symbol
-    return number
-
-
-@torch.compiler.assume_constant_result
-def _device_name(number: int) -> str:
-    """Return the device of a renderer's scene in PyTorch's words."""
-    return str(wp.device_to_torch(numbered_renderer(number).scene.device))
-
-
-def _check_tensors(number: int, tensors: Sequence[Tensor | None]) -> None:
-    expected = _device_name(number)
-    for tensor in tensors:
-        if tensor is not None and str(tensor.device) != expected:
-            raise ArrayError(f"tensors must be on the scene's device, {expected}, got one on {tensor.device}")
-    _check_tangents(tensors)
-
-
-def _check_tangents(tensors: Sequence[Tensor | None]) -> None:
-    """Refuse forward-mode derivatives: PyTorch drops them in custom operators, as if they were 0."""
-    if torch.compiler.is_compiling():
-        return
-    for tensor in tensors:
-        if tensor is not None and tensor.is_floating_point() and forward_ad.unpack_dual(tensor).tangent is not None:
-            raise ArrayError(
-                "tensors must have no tangents, as in torch.func.jvp and jacfwd: renders have no forward-mode "
-                "derivatives; use torch.autograd.grad"
-            )
-
-
-def _check_world_index(world_index: Tensor | None) -> None:
-    if world_index is None:
-        return
-    if not isinstance(world_index, Tensor) or world_index.dtype not in (torch.int32, torch.int64):
-        got = world_index.dtype if isinstance(world_index, Tensor) else type(world_index).__name__
-        raise ArrayError(f"world_index must be a torch.Tensor of int32, got {got}")
-
-
-def _check_vertices(vertices: Mapping[str, Tensor]) -> None:
-    for name, tensor in vertices.items():
-        if not isinstance(tensor, Tensor) or tensor.dtype != torch.float32 or tensor.shape[1:] != (3,):
-            got = f"{tensor.dtype} of shape {tuple(tensor.shape)}" if isinstance(tensor, Tensor) else type(tensor)
-            raise ArrayError(f"vertices of {name!r} must be a float32 torch.Tensor of shape (n, 3), got {got}")
-
-
-def _check_intrinsics(number: int, intrinsics: Tensor | None) -> None:
-    if intrinsics is None:
-        return
-    names = _parameter_names(number)
-    if not names:
-        raise ArrayError("intrinsics must be None for a camera without parameters, such as a list of rays")
-    if not isinstance(intrinsics, Tensor) or not intrinsics.is_floating_point() or intrinsics.shape != (len(names),):
-        is_tensor = isinstance(intrinsics, Tensor)
-        got = f"{intrinsics.dtype} {tuple(intrinsics.shape)}" if is_tensor else type(intrinsics).__name__
-        raise ArrayError(f"intrinsics must be a torch.Tensor of the {len(names)} numbers {', '.join(names)}, got {got}")
-    if str(intrinsics.device) not in ("cpu", _device_name(number)):
-        places = " or ".join(dict.fromkeys(["cpu", _device_name(number)]))
-        raise ArrayError(f"intrinsics must be on {places}, got a tensor on {intrinsics.device}")
-    _check_tangents([intrinsics])
-
-
-@torch.compiler.assume_constant_result
-def _parameter_names(number: int) -> tuple[str, ...]:
-    return parameter_names(numbered_renderer(number).camera)
 
 
 def _check_colors(colors: Mapping[str, Tensor], names: tuple[str, ...]) -> None:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: Copyright (c) 2026 The warpvis authors
 # SPDX-License-Identifier: Apache-2.0
-"""Masks of pixels beside silhouettes, as tensors."""
+"""Masks of pixels next to silhouettes, as tensors."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from warpvis.errors import ArrayError
 from warpvis.rendering.differentiable import numbered_renderer, pixel_type
 from warpvis.rendering.gradients import NEEDED_IMAGES
 from warpvis.scene import Scene
+from warpvis.torch._arguments import check_tensors, renderer_number
 from warpvis.torch._cast import as_array, batch_first, on_stream
 from warpvis.torch._poses import as_rows
-from warpvis.torch._render import Images, _check_tensors, _number
+from warpvis.torch._render import Images
 
 
 def silhouette_mask(scene: Scene, camera: AnyCamera, poses: Tensor, images: Images) -> Tensor:
-    """Return the mask of pixels beside silhouettes, where gradients of images miss what a motion covers or uncovers.
+    """Return the mask of pixels next to silhouettes, where gradients of images miss what a motion covers or uncovers.
 
     A pixel is marked if one of its eight neighbors hits nothing where it hits a surface, or vice versa, or sees another
     object, or a surface that is not connected to its own. Neighbors are those in the image: columns at opposite borders
@@ -51,8 +52,8 @@ def silhouette_mask(scene: Scene, camera: AnyCamera, poses: Tensor, images: Imag
     missing = [name for name, image in zip(NEEDED_IMAGES, given, strict=True) if image is None]
     if missing:
         raise ArrayError(f"images must have {', '.join(NEEDED_IMAGES)}, got none of {', '.join(missing)}")
-    number = _number(scene, camera, (), "auto", None)
-    _check_tensors(number, [rows, *given])
+    number = renderer_number(scene, camera, (), "auto", None)
+    check_tensors(number, [rows, *given])
     expected = (len(rows), *camera.shape)
     if any(image.shape[: len(expected)] != expected for image in given):
         got = " and ".join(str(tuple(image.shape)) for image in given)
